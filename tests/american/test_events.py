@@ -54,6 +54,32 @@ def test_tiny_dividends_change_next_to_nothing(option):
 
 
 @needs_kernel
+@pytest.mark.parametrize("fraction", [0.74, 1.0])
+@pytest.mark.parametrize(("rate", "dividend_yield"), [(0.0, 0.0), (0.0, -0.02), (0.03, 0.0)])
+def test_a_call_ends_where_a_dividend_takes_nearly_everything(rate, dividend_yield, fraction):
+    """Nothing is earned by exercising before; what is left after is next to nothing."""
+    market = Market(99.0, rate, 0.2, dividend_yield)
+    ended = value(Option("call", 100.0, 0.18, "european"), market)
+    dividends = proportional(fraction, (0.18, 0.56))
+    found = price(CALL, replace(market, proportional_dividends=dividends), greeks="none")
+    assert found.status == "ok"
+    assert abs(found.price - ended) <= found.error_estimate
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    "dividends", [{"cash_dividends": cash(3.0)}, {"proportional_dividends": proportional(0.03)}]
+)
+def test_a_put_without_rate_and_yield_is_held_to_the_end(dividends):
+    market = replace(FLAT, rate=0.0, dividend_yield=0.0, **dividends)
+    found = price(PUT, market)
+    held = price(Option("put", 100.0, 1.0, "european"), market)
+    assert found.status == held.status == "ok"
+    assert abs(found.price - held.price) <= found.error_estimate + held.error_estimate
+    assert found.delta == pytest.approx(held.delta, abs=1e-5)
+
+
+@needs_kernel
 def test_two_dividends_on_one_date_are_one():
     one = replace(FLAT, cash_dividends=cash(3.0, (0.5,)))
     two = replace(FLAT, cash_dividends=({"time": 0.5, "amount": 1.0}, {"time": 0.5, "amount": 2.0}))

@@ -1,4 +1,7 @@
-"""Random contracts, usual ones and extreme ones: seconds and centuries, next to no volatility and 1,500 %."""
+"""Random contracts, usual ones and extreme ones: seconds and centuries, next to no volatility and 1,500 %.
+
+Continuous numbers alone would leave out rates of exactly 0, fractions of exactly 1 and what is the same as another.
+"""
 
 import math
 
@@ -27,10 +30,20 @@ def _contract(rng):
         volatility = _between(rng, 0.05, 1.0)
         rate, dividend_yield = rng.uniform(-0.03, 0.12, 2).tolist()
         spot = 100.0 * math.exp(rng.normal() * min(volatility * math.sqrt(expiry), 0.7))
+    rate, dividend_yield = [
+        (rate, dividend_yield),
+        (0.0, 0.0),
+        (0.0, dividend_yield),
+        (rate, 0.0),
+        (rate, rate),
+    ][rng.choice(5, p=[0.6, 0.1, 0.1, 0.1, 0.1])]
     kind, count = str(rng.choice(KINDS)), int(rng.integers(1, 13))
+    if rng.random() < 0.02:
+        count = int(rng.integers(40, 367))
     times = np.sort(rng.uniform(0.0, expiry, count)).tolist()
     size = _between(rng, 0.01, 0.5 if extreme else 0.05)
     shares = (size * rng.uniform(0.2, 1.0, count)).tolist()
+    used_up = extreme and rng.random() < 0.2
     further = {}
     if kind in ("cash", "mixed"):
         further["cash_dividends"] = [(t, spot * share) for t, share in zip(times, shares, strict=True)]
@@ -41,6 +54,7 @@ def _contract(rng):
         ]
         further["dividend_model"] = "escrowed"
     if kind in ("fractions", "mixed"):
+        shares = [1.0 if used_up and rng.random() < 0.3 else share for share in shares]
         further["proportional_dividends"] = list(zip(times, shares, strict=True))
     if kind in ("curves", "mixed"):
         knots = [expiry * share for share in (0.3, 0.6, 1.0)]

@@ -146,7 +146,11 @@ impl<'a> Before<'a> {
         let (mut low, mut high) = (gain_before, gain);
         let mut found = left;
         for _ in 0..SECANTS {
-            found = (left - low * (right - left) / (high - low)).clamp(left, right);
+            let ratio = low * (right - left) / (high - low);
+            if ratio.is_nan() {
+                break; // of values that have overflowed, which no estimate of their error lets pass
+            }
+            found = (left - ratio).clamp(left, right);
             let spot = grid.spot_at(found);
             let gain = self.obstacle(spot) - self.waiting(spot);
             if (gain > 0.0) == (low > 0.0) {

@@ -114,8 +114,11 @@ impl Exercise {
     };
 
     /// Take over what a segment allows.
+    ///
+    /// Where exercise earns nothing at any spot the value never comes down to what it brings: as if the holder might not.
     pub fn enter(&mut self, lane: usize, segment: &Segment, sign: f64) {
-        let may = segment.exercisable;
+        let earns = sign * segment.rate > 0.0 || sign * segment.dividend_yield < 0.0;
+        let may = segment.exercisable && earns;
         self.rate_part[lane] = if may { sign * segment.rate } else { -1.0 };
         self.yield_part[lane] = if may { segment.dividend_yield } else { 0.0 };
     }

@@ -16,7 +16,11 @@ from pricing_core.american.engines.closed_form import ClosedForm, has_boundary_e
 from pricing_core.american.engines.engine import UNRESOLVED, Boundaries, BoundariesAt, Engine, Request
 from pricing_core.american.engines.exercise_region import limits_before_expiry
 from pricing_core.american.engines.hardly_diffusing import HardlyDiffusing
-from pricing_core.american.engines.obstacle_march import CompiledMarch, ObstacleMarch, leaves_out_the_strike
+from pricing_core.american.engines.obstacle_march import (
+    CompiledMarch,
+    MarchWithoutKernel,
+    leaves_out_the_strike,
+)
 from pricing_core.american.engines.premium_march import PremiumMarch
 from pricing_core.american.engines.price_bounds import lies_high, range_of
 from pricing_core.arrays import BoolVector, Vector, every, some
@@ -25,7 +29,7 @@ from pricing_core.kernel import warn_where_missing
 CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH = ClosedForm(), PremiumMarch(), CompiledMarch()
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
 FAST_ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH)
-ENGINES: tuple[Engine, ...] = (*FAST_ENGINES, HardlyDiffusing(), ObstacleMarch())
+ENGINES: tuple[Engine, ...] = (*FAST_ENGINES, HardlyDiffusing(), MarchWithoutKernel())
 BOUNDS_ALONE = "of the price its bounds without arbitrage are known alone, between which it stands"
 
 
@@ -172,15 +176,16 @@ def _together(best: Prices | None, count: int, rows: Rows, found: Prices, allowe
 def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
     """Return the prices with none outside the bounds of no arbitrage.
 
-    An error that misses the tolerance and is as large as the range between these bounds says nothing: then the middle
-    of the range is the price, and half the range its error.
+    An error that misses the tolerance and is as large as the range between these bounds says nothing, nor does one that
+    is unknown: then the middle of the range is the price, and half the range its error.
     """
-    rows = np.flatnonzero((best.error > allowed) | lies_high(book, best.value))
+    known = ~np.isnan(best.value)
+    rows = np.flatnonzero(known & (~(best.error <= allowed) | lies_high(book, best.value)))
     if rows.size == 0:
         return best
     found, part = best.take(rows), book.take(rows)
     least, most = range_of(part)
-    lost = (found.error > allowed[rows]) & (found.error >= most - least)
+    lost = ~(found.error <= allowed[rows]) & ~(found.error < most - least) & np.isfinite(most - least)
     inside = replace(found, value=np.clip(found.value, least, most))
     bounds = _middle(least[lost], most[lost])
     return best.replaced(rows, inside.replaced(np.flatnonzero(lost), bounds))

@@ -11,6 +11,12 @@ from pricing_core.american.engines.obstacle_march.compiled import (
     least_volatility,
     leaves_out_the_strike,
 )
-from pricing_core.american.engines.obstacle_march.engine import ObstacleMarch
+from pricing_core.american.engines.obstacle_march.engine import MarchWithoutKernel, ObstacleMarch
 
-__all__ = ["CompiledMarch", "ObstacleMarch", "least_volatility", "leaves_out_the_strike"]
+__all__ = [
+    "CompiledMarch",
+    "MarchWithoutKernel",
+    "ObstacleMarch",
+    "least_volatility",
+    "leaves_out_the_strike",
+]

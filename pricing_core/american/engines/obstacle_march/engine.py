@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from pricing_core import kernel
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
 from pricing_core.american.engines.engine import BoundariesAt, Request
@@ -52,3 +53,13 @@ class ObstacleMarch:
         from pricing_core.american.engines.obstacle_march.pricing import solved_traces  # noqa: PLC0415
 
         return BoundariesOf(book, request, solved_traces)
+
+
+class MarchWithoutKernel(ObstacleMarch):
+    """The same where no kernel is compiled: beside it only what no grid resolves would be left, and take minutes."""
+
+    __slots__ = ()
+
+    def serves(self, book: Book) -> BoolVector:
+        """Tell what `ObstacleMarch` serves, and nothing beside the compiled march."""
+        return ObstacleMarch.serves(self, book) & (kernel.march_segments is None)
