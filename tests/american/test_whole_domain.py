@@ -34,7 +34,7 @@ def test_prices_lie_within_their_bounds_and_depend_on_nothing_else(seed, count):
     known = np.isfinite(prices.european)
     short = prices.european - prices.value - prices.error
     assert np.all(short[known] <= 1e-9 * size[known])
-    for row in range(0, count, max(count // 10, 1)):
+    for row in range(0, count, 20):
         alone = asked(book.part(slice(row, row + 1)), "none")
         assert alone.value[0] == prices.value[row]
         assert alone.error[0] == prices.error[row]

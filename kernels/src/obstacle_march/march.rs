@@ -444,9 +444,23 @@ impl<'a, V: Vector> March<'a, V> {
         (self.first, self.own_first) = (first, own);
     }
 
-    /// Look at every node, whatever was known before.
-    fn look_everywhere(&mut self) {
-        (self.first, self.own_first, self.leaving) = (1, [1; LANES], 1);
+    /// Look at every node of the lanes whose contact set ends before the first node that was looked at, or is wrong; return
+    /// whether there are any.
+    #[allow(clippy::cast_precision_loss)]
+    fn looks_again(&mut self, wrong: [bool; LANES], ends: [f64; LANES]) -> bool {
+        let mut any = false;
+        for l in 0..LANES {
+            let known = self.active[l] && self.own_first[l] > 1;
+            let stays = !wrong[l] && ends[l] >= self.own_first[l] as f64;
+            if known && !stays {
+                self.own_first[l] = 1;
+                any = true;
+            }
+        }
+        if any {
+            (self.first, self.leaving) = (1, 1);
+        }
+        any
     }
 
     /// Solve stage N of three: the right-hand side and the elimination from the far end, then the substitution from the
@@ -465,16 +479,14 @@ impl<'a, V: Vector> March<'a, V> {
         let weights = steps.weights(N - 1);
         let (swept, wrong) = loop {
             self.eliminate::<_, N>(&stage, weights);
-            if let Some(swept) = self.substitute::<_, N>(&stage, &obstacle) {
-                let mut wrong = self.active;
-                for (wrong, worst) in wrong.iter_mut().zip(swept.worst.lanes()) {
-                    *wrong &= worst <= -ROUNDING || worst.is_nan();
-                }
-                if self.leaving == 1 || !wrong.contains(&true) {
-                    break (swept, wrong);
-                }
+            let swept = self.substitute::<_, N>(&stage, &obstacle);
+            let mut wrong = self.active;
+            for (wrong, worst) in wrong.iter_mut().zip(swept.worst.lanes()) {
+                *wrong &= worst <= -ROUNDING || worst.is_nan();
             }
-            self.look_everywhere();
+            if !self.looks_again(wrong, swept.contact.lanes()) {
+                break (swept, wrong);
+            }
             self.elimination.of(&stage, self.first);
         };
         self.newton.forget(wrong);
@@ -531,13 +543,13 @@ impl<'a, V: Vector> March<'a, V> {
         }
     }
 
-    /// Substitute from the near end, or from `first`; None where a contact set ends before the node `leaving`.
+    /// Substitute from the near end, or from `first`; each lane is in contact up to the first node that it looks at.
     #[inline(always)]
     fn substitute<R: Rows<V>, const N: usize>(
         &mut self,
         stage: &Stage<R, V>,
         obstacle: &Obstacle<V>,
-    ) -> Option<Swept<V>> {
+    ) -> Swept<V> {
         let (last, begin) = (self.group.cells - 1, self.first);
         let leaving = self.leaving.min(last);
         let strike = obstacle.strike;
@@ -549,6 +561,17 @@ impl<'a, V: Vector> March<'a, V> {
         let (base, rates) = (&self.base[..last + 2], &mut self.rates[N][..last + 2]);
         let values = &mut self.values[..last + 2];
         let (zero, one) = (V::zero(), V::all(1.0));
+        // The first node that a lane looks at, or 0; and below 0 where what lies before it is known to be in contact.
+        let is_known = |l: usize| self.active[l] && self.own_first[l] > 1;
+        #[allow(clippy::cast_precision_loss)]
+        let looked_at = V::from_lanes(std::array::from_fn(|l| {
+            if is_known(l) {
+                self.own_first[l] as f64
+            } else {
+                0.0
+            }
+        }));
+        let known = -looked_at;
         let mut before;
         let mut contact = zero;
         let mut held = V::all(-1.0); // below 0 where the last node was in contact
@@ -564,6 +587,7 @@ impl<'a, V: Vector> March<'a, V> {
             let (gain, rise) = obstacle.at(signed[1], stage.rows.at(1).half_inverse);
             // below 0 where the near end is in contact
             let touching = gain.min(rise).negative(one, free - gain - rise);
+            let touching = known.negative(known, touching);
             let free_second = (left[2] - second_lower * free) * inverse[2];
             let free_end = free * q.plus(1.0) - q * free_second;
             before = touching.negative(strike - signed[0], free_end);
@@ -574,13 +598,7 @@ impl<'a, V: Vector> March<'a, V> {
         rates[begin - 1] = (before - base[begin - 1]) * stage.inverse;
         let mut worst = zero;
         let mut i = begin;
-        // Below 0 where what lies before `leaving` is known to be in contact.
-        let mut known = one;
         if leaving > 1 {
-            let is_known = |l: usize| self.active[l] && self.own_first[l] > 1;
-            known = V::from_lanes(std::array::from_fn(
-                |l| if is_known(l) { -1.0 } else { 1.0 },
-            ));
             contact = known.negative(zero, V::all(f64::NEG_INFINITY));
             held = known;
             while i < leaving {
@@ -599,19 +617,19 @@ impl<'a, V: Vector> March<'a, V> {
             let (gain, rise) = obstacle.at(signed[i], stage.rows.at(i).half_inverse);
             let may = gain.min(rise);
             worst = worst.min(held.negative(zero, may.negative(zero, free - gain)));
-            // below 0 where the node is in contact, or its cell
+            // below 0 where the node is known to be in contact, and where it is, or its cell
+            #[allow(clippy::cast_precision_loss)]
+            let inside = V::all(i as f64) - looked_at;
             let near = held.negative(may.negative(one, free - gain - rise), one);
+            let near = inside.negative(inside, near);
             let cell = stage.cell(i, pivot[i], rest, (gain, rise), near);
-            before = near.negative(cell.value, free);
+            before = near.negative(inside.negative(gain, cell.value), free);
             values[i] = before;
             rates[i] = (before - base[i]) * stage.inverse;
             #[allow(clippy::cast_precision_loss)]
-            let end = V::all(i as f64) - cell.distance;
+            let end = V::all(i as f64) - inside.negative(zero, cell.distance);
             contact = near.negative(end, contact);
-            held = near.negative(cell.held, one);
-            if i == leaving && known.negative(held, -one).lanes().iter().any(|x| *x >= 0.0) {
-                return None;
-            }
+            held = near.negative(inside.negative(inside, cell.held), one);
             i += 1;
         }
         while i <= last {
@@ -629,7 +647,7 @@ impl<'a, V: Vector> March<'a, V> {
         let end = before * stage.far_rule.plus(1.0) - stage.far_rule * values[last - 1];
         values[last + 1] = end;
         rates[last + 1] = (end - base[last + 1]) * stage.inverse;
-        Some(Swept { contact, worst })
+        Swept { contact, worst }
     }
 
     /// Solve the stage by Newton's method in the lanes where the sweep's contact set was wrong.

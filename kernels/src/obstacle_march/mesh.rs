@@ -47,9 +47,10 @@ impl Grid {
         self.spot_at(node as f64)
     }
 
-    /// The spot at a number of a node, which need not be whole.
+    /// The spot at a number of a node, which need not be whole; finite on the widest grids, too.
     pub fn spot_at(&self, index: f64) -> f64 {
-        (self.sign * self.h.mul_add(index, self.start)).exp()
+        let x = self.sign * self.h.mul_add(index, self.start);
+        x.min(LARGEST_LOG).exp()
     }
 
     /// Whether a place, in numbers of nodes, is so far from the ends that a contact set's end is seen there.
@@ -64,6 +65,8 @@ impl Grid {
     }
 }
 
+/// The logarithm of the largest spot of a grid: what is made of it stays finite.
+const LARGEST_LOG: f64 = 690.0;
 /// Cells next to an end of the grid in which no contact set is seen to end.
 const UNRESOLVED: f64 = 2.0;
 /// What a drop is of all of them where it tells how far a grid reaches.

@@ -109,14 +109,15 @@ pub const fn record_size(cells: usize, steps: usize) -> usize {
     4 * steps * (cells + 1) * size_of::<[f64; LANES]>()
 }
 
-/// Set what lies before each lane's first node to 0, from the `first` of all on; a lane whose own is `cells` has none.
+/// Set what lies before each lane's first node to 0, from the one before the `first` of all on; a lane whose own is `cells`
+/// has none, and with 1 nothing lies before it.
 #[inline(always)]
 #[allow(clippy::cast_precision_loss)]
 pub fn clear_before<V: Vector>(rates: &mut [V], first: usize, own: &[usize; LANES], cells: usize) {
     let furthest = own.iter().copied().filter(|own| *own < cells).max();
-    let begins = V::from_lanes(own.map(|own| own as f64));
+    let begins = V::from_lanes(own.map(|own| if own > 1 { own as f64 } else { 0.0 }));
     let end = furthest.unwrap_or(first);
-    for (i, rate) in rates.iter_mut().enumerate().take(end).skip(first) {
+    for (i, rate) in rates.iter_mut().enumerate().take(end).skip(first - 1) {
         let is_before = -begins.plus(-(i as f64));
         *rate = is_before.negative(V::zero(), *rate);
     }

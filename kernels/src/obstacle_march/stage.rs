@@ -238,7 +238,8 @@ impl<R: Rows<V>, V: Vector> Stage<R, V> {
             let bend = (pivot / spread).plus(-1.0);
             let slack = excess / near.negative(reach, one);
             let root = slack.plus(1.0).times_plus(bend, one).max(zero).sqrt();
-            found.distance = (root.plus(-1.0) / bend).max(zero).min(one);
+            let distance = (root.plus(-1.0) / bend).max(zero).min(one);
+            found.distance = held.negative(zero, distance);
             found.value = (found.distance * found.distance).times_plus(rise, gain);
         }
         found
