@@ -29,6 +29,7 @@ class IncomingBody:
         self._memory = memory_of(request)
         self._pending = bytearray()
         self._received = 0
+        self.lines_received = 0  # their ends
         self._fault: Exception | None = None
         self._ended = False
         self._changed = asyncio.Event()
@@ -125,6 +126,7 @@ class IncomingBody:
             raise too_large(self._limits)
         self._memory.take(len(part))
         self._pending += part
+        self.lines_received += part.count(b"\n")
         return bool(message.get("more_body", False))
 
 

@@ -81,6 +81,7 @@ class BatchWork:
         answer: BatchAnswer,
     ) -> None:
         self._lane, self._place = expensive_lane(request), expensive_place(request)
+        self._promised, self._rows = self._place.expires, 0
         self._record, self._memory = record_of(request), memory_of(request)
         self._body, self._form, self._settings, self._answer = body, form, settings, answer
 
@@ -127,13 +128,20 @@ class BatchWork:
             self._memory.take(bytes_of_json(body))
             read = columns_of
         names, rows = await self._done(lambda _: read(body))
+        self._rows = rows.count
         return names, self._in_time(rows)
+
+    def _has_time(self) -> bool:
+        """Tell whether the work goes on: until there is only time left to answer what is known of the rows as late."""
+        rows = min(self._rows or self._body.lines_received, MOST_ROWS)
+        self._place.expires = self._promised - rows / self._answer.rows_a_second
+        return self._place.has_time()
 
     async def _in_time(self, pieces: Pieces) -> AsyncIterator[Rows | LateRows]:
         """Yield the pieces one by one, and once the deadline has passed all that is left as one."""
         left = pieces.count
         for rows in pieces:
-            if not self._place.has_time():
+            if not self._has_time():
                 yield LateRows(left)
                 return
             left -= rows.count
@@ -141,10 +149,11 @@ class BatchWork:
 
     async def _lines(self) -> AsyncIterator[Rows | LateRows]:
         """Yield the rows as they come; once the deadline has passed all that are here already as one."""
-        late = 0
+        late, is_late = 0, False
         async for lines in self._body.lines():
             rows = JsonLines(lines)
-            if self._place.has_time():
+            is_late = is_late or not self._has_time()
+            if not is_late:
                 yield rows
                 continue
             late += rows.count
@@ -158,10 +167,11 @@ class BatchWork:
         """Return how many rows have which status, and their results in the form of the answer; None if it is late."""
 
         def work(interrupt: Interrupt) -> tuple[Counter[str], object]:
-            results = rows.price(self._settings, interrupt)
+            # More lines may have come since the work began.
+            results = rows.price(self._settings, lambda: interrupt() or not self._has_time())
             return Counter(results["status"].to_pylist()), self._answer.encoded(results)
 
-        if self._place.has_time():
+        if self._has_time():
             with contextlib.suppress(DeadlineError):
                 return await self._done(work)
         return None

@@ -19,7 +19,7 @@ from app.service.batch.json_rows import columns_of as columns_of_body
 from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_JSON_ROWS, PIECE_WEIGHT
 from app.service.decoded_size import bytes_of_json
 from app.service.errors import DeadlineError
-from app.service.work.lanes import Interruption
+from app.service.work.lanes import Place
 from app.settings import Settings
 from pricing_core.american import price_many
 from pricing_core.american.arrow import arrow_column
@@ -376,12 +376,9 @@ def test_rows_unfinished_at_the_deadline_say_so(
 ) -> None:
     for rows in (JsonColumns, JsonLines, ArrowRows):
 
-        def late(
-            some: Any, settings: PricingSettings, interrupt: Interruption, price: Any = rows.price
-        ) -> Any:
+        def late(some: Any, settings: PricingSettings, interrupt: Any, price: Any = rows.price) -> Any:
             """Price once the deadline has passed."""
-            interrupt.end_by(time.monotonic() - 1.0)
-            return price(some, settings, interrupt)
+            return price(some, settings, lambda: True)
 
         monkeypatch.setattr(rows, "price", late)
     count = 300
@@ -468,6 +465,30 @@ def test_rows_for_which_no_time_is_left_are_answered_in_few_pieces(
         found = columns_of(ask(client, body_of(book, form), form))
     assert found["status"] == ["deadline"] * count
     assert len(asked) <= (2 if form != LINES else 10)  # lines are answered as they come
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_work_ends_in_time_to_answer_all_rows_as_late(monkeypatch: pytest.MonkeyPatch, form: str) -> None:
+    """However many rows are there: as many seconds before the deadline as it takes to send what is said of them."""
+    ends: list[float] = []
+
+    def noted(self: Place) -> bool:
+        ends.append(self.expires)
+        return False
+
+    monkeypatch.setattr("app.service.work.lanes.Place.has_time", noted)
+    count, least = 2_000, []
+    book = {name: [cells[0]] * count for name, cells in BOOK.items()}
+    begun = time.monotonic()
+    for rows_a_second in (math.inf, 10.0):
+        monkeypatch.setattr(ANSWERS[form], "rows_a_second", rows_a_second)
+        ends.clear()
+        with TestClient(create_app(Settings(slots=2, batch_deadline_seconds=3600.0))) as client:
+            found = columns_of(ask(client, body_of(book, form), form))
+        assert found["status"] == ["deadline"] * count
+        least.append(min(ends))
+    one_line = 0.1  # the last one may have no end
+    assert 0.0 <= least[1] - (least[0] - 200.0) <= time.monotonic() - begun + one_line
 
 
 def test_lines_beyond_the_most_rows_are_refused(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
