@@ -138,7 +138,7 @@ def price_columns(
 
 def unusual_contracts(book: Book) -> list[str]:
     """Return one sentence for each column that looks as if it were in another unit."""
-    now = book.first_segments()
+    now = book.now
     names = ("rate", "dividend_yield", "volatility")
     columns = {name: getattr(now, name) for name in names}
     return unusual_columns(columns | {"expiry": book.expiry, "spot": book.spot, "strike": book.strike})

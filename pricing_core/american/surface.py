@@ -165,7 +165,7 @@ def _multiplier(option: Option, book: Book, found: Prices) -> Vector:
     """Return the multiplier of the complementarity problem, money per year, shape (n,)."""
     if option.exercise != "american":
         return np.zeros(book.count)
-    now = book.first_segments()
+    now = book.now
     diffused = book.diffusing()
     slack = book.sign * (now.rate * book.strike - now.dividend_yield * diffused)
     discount = 1.0 if book.reduction is None else book.reduction.discount

@@ -29,7 +29,7 @@ def test_prices_lie_within_their_bounds_and_depend_on_nothing_else(seed, count):
     assert np.mean(prices.status == "ok") > 0.9
     np.testing.assert_array_equal(prices.value, with_greeks.value)
     size = np.maximum(book.spot, book.strike)
-    now = book.first_segments().exercisable
+    now = book.now.exercisable
     assert np.all(prices.value >= np.where(now, book.payoff(), 0.0) - 1e-12 * size)
     known = np.isfinite(prices.european)
     short = prices.european - prices.value - prices.error

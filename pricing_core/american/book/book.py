@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -56,7 +57,7 @@ class Listed:
         return cls(*(Ragged.concatenated([getattr(part, name) for part in parts]) for name in cls.__slots__))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Book:
     """Contracts, n of them, each of at least one segment; a contract without events has one.
 
@@ -154,7 +155,7 @@ class Book:
         """1 for puts, -1 for calls, shape (n,)."""
         return np.where(self.is_put, 1.0, -1.0)
 
-    @property
+    @cached_property
     def expiry(self) -> Vector:
         """Years from now, shape (n,)."""
         return self.segments.end if self.is_simple else self.segments.end[self.first[1:] - 1]
@@ -164,8 +165,9 @@ class Book:
         """Whether every contract has one segment, so that segments and contracts are the same rows."""
         return self.segments.end.size == self.spot.size
 
+    @cached_property
     def deviation(self) -> Vector:
-        """Return the standard deviation of ln S at expiry, shape (n,); of a local volatility what stands for it."""
+        """The standard deviation of ln S at expiry, shape (n,); of a local volatility what stands for it."""
         segments = self.segments
         variance = segments.volatility**2 * segments.duration
         return np.sqrt(variance if self.is_simple else np.add.reduceat(variance, self.first[:-1]))
@@ -184,8 +186,9 @@ class Book:
         """Return what exercise now is worth now, money, shape (n,): the payoff, discounted to when it is paid."""
         return self.payoff() if self.reduction is None else self.reduction.discount * self.payoff()
 
-    def first_segments(self) -> Segments:
-        """Return the segment of each contract that holds now."""
+    @cached_property
+    def now(self) -> Segments:
+        """The segment of each contract that holds now."""
         return self.segments if self.is_simple else self.segments.take(self.first[:-1])
 
     def per_segment(self, column: NDArray[Any]) -> NDArray[Any]:
@@ -224,7 +227,7 @@ class Book:
         """Return what the cash dividends due are worth now in the escrowed model, money, shape (n,)."""
         if not some(self.escrowed):
             return np.zeros(self.count)
-        now = self.first_segments()
+        now = self.now
         return self.escrow()[self.first[:-1]] * np.exp(-now.rate * now.duration)
 
     def diffusing(self) -> Vector:
@@ -300,7 +303,7 @@ class Book:
 
     def volatility_now(self) -> tuple[Vector, Vector]:
         """Return the volatility at the spot that diffuses now, and d volatility**2/dS there, each of shape (n,)."""
-        volatility, slope = self.first_segments().volatility, np.zeros(self.count)
+        volatility, slope = self.now.volatility, np.zeros(self.count)
         if self.local is None:
             return volatility, slope
         volatility, spot = volatility.copy(), self.diffusing()

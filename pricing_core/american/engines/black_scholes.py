@@ -53,7 +53,7 @@ def european_columns(book: Book, greeks: Greeks) -> dict[str, Any]:
         in_stock, in_bond = sign * share * ndtr(sign * d1), sign * discount * ndtr(sign * d2)
         density = share * ONE_OVER_SQRT_TWO_PI * np.exp(-0.5 * d1 * d1)
         value = S * in_stock - K * in_bond
-        now = book.first_segments()
+        now = book.now
         by_spread = S * density
         columns: dict[str, Any] = {
             "value": value,
@@ -98,7 +98,7 @@ def _errors(
     A term that has the normal density as a factor changes by |d1| times the error of d1 as a share of it.
     """
     (S, in_stock, in_bond, density), (d1, d2, spread) = terms, arguments
-    now, expiry, by_spread = book.first_segments(), book.expiry, S * density
+    now, expiry, by_spread = book.now, book.expiry, S * density
     # Relative errors of a term without the density (a few roundings and the exponents), and of one with it.
     plain = ROUNDING_OF_GREEKS * (
         1.0 + _sum(book, np.abs(book.segments.rate) + np.abs(book.segments.dividend_yield))
@@ -146,7 +146,7 @@ def _per_contract(book: Book, operation: np.ufunc, column: Vector) -> Vector:
 
 def _escrow_growth(book: Book, in_stock: Vector) -> Vector | float:
     """Return what the escrow's interest takes from theta: the spot less the escrow falls by it at a given spot."""
-    return book.first_segments().rate * book.escrow_now() * in_stock if book.escrowed.any() else 0.0
+    return book.now.rate * book.escrow_now() * in_stock if book.escrowed.any() else 0.0
 
 
 def _by_parameters(

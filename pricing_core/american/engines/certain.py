@@ -61,7 +61,7 @@ def certain_value(book: Book) -> Vector:
 
 def moved_boundary(book: Book, boundary: Vector) -> Vector:
     """Return by how much volatility may move boundaries that are known without it, money, shape (n,) as they are."""
-    moved: Vector = BOUNDARY_DEVIATIONS * book.deviation() * boundary
+    moved: Vector = BOUNDARY_DEVIATIONS * book.deviation * boundary
     return moved
 
 
@@ -109,7 +109,7 @@ def _is_exercised(book: Book, diffusing: Vector) -> BoolVector:
     rows = book.take(np.zeros(diffusing.size, dtype=np.intp))
     rows = rows.diffusing_at(diffusing)
     payoff = rows.payoff()
-    now = rows.first_segments()
+    now = rows.now
     allowed = now.exercisable | (now.exercise_at_end & (now.end == 0.0))
     exercised: BoolVector = allowed & (payoff > 0.0) & (certain_value(rows) <= payoff * (1.0 + ROUNDING))
     return exercised

@@ -51,7 +51,7 @@ class ClosedForm:
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price by formula; certain contracts are settled where volatility adds at most a tenth of the tolerance."""
-        formula = has_formula(book) & (book.deviation() >= SMALLEST_SPREAD) & (book.spot > 0.0)
+        formula = has_formula(book) & (book.deviation >= SMALLEST_SPREAD) & (book.spot > 0.0)
         far = np.flatnonzero(is_far_out_of_the_money(book))  # where the formula rounds to a part of the spot
         formula[far] &= ~_is_certain(book.take(far))
         if every(formula):
@@ -89,7 +89,7 @@ def _uncertain_by(book: Book) -> Vector:
 
 def _is_certain(book: Book) -> BoolVector:
     """Tell contracts of which the certain path may be all that matters, at the largest tolerance."""
-    small, far = book.deviation() <= LARGEST_UNCERTAINTY, is_far_out_of_the_money(book)
+    small, far = book.deviation <= LARGEST_UNCERTAINTY, is_far_out_of_the_money(book)
     if some(small):
         rows = np.flatnonzero(small)
         part = book.take(rows)
@@ -146,7 +146,7 @@ def _on_certain_path(book: Book, request: Request) -> Prices:
     formula = has_formula(book)
     error = np.maximum(uncertainty(book), ROUNDING * value)
     expired = book.expiry == 0.0
-    now = book.first_segments().exercisable
+    now = book.now.exercisable
     exercised = (payoff > 0.0) & (value <= payoff) & (expired | (now & ~formula))
     delta = np.where(exercised, -book.sign, np.where(expired, 0.0, delta))
     further: dict[str, Any] = {}

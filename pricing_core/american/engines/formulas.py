@@ -10,11 +10,14 @@ from pricing_core.arrays import BoolVector, every, some
 
 def has_formula(book: Book) -> BoolVector:
     """Tell European contracts, and those never exercised early, whose spot at expiry is lognormal."""
-    held = ~may_exercise(book) | _never_exercised(book)
-    if not book.is_plain:
-        drops = book.drops() > 0.0
-        held &= ~_any(book, drops) if some(drops) else True
-    return held if book.local is None else held & ~book.is_local()
+    return (~may_exercise(book) | _never_exercised(book)) & is_lognormal(book)
+
+
+def is_lognormal(book: Book) -> BoolVector:
+    """Tell contracts whose spot at expiry is lognormal: without cash dividends in the spot model, and not local."""
+    drops = book.drops() > 0.0
+    found: BoolVector = ~_any(book, drops) if some(drops) else np.ones(book.count, dtype=bool)
+    return found if book.local is None else found & ~book.is_local()
 
 
 def may_exercise(book: Book) -> BoolVector:

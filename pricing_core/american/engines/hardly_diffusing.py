@@ -39,14 +39,14 @@ class HardlyDiffusing:
 
     def serves(self, book: Book) -> BoolVector:
         """Tell contracts that are marched with more volatility, and with their own not at all or on no grid maybe."""
-        wanted = ~MARCH.serves(book) | (book.deviation() <= LARGEST_DEVIATION)
+        wanted = ~MARCH.serves(book) | (book.deviation <= LARGEST_DEVIATION)
         if not wanted.any():
             return wanted
         return wanted & ~book.is_local() & (book.expiry > 0.0) & MARCH.serves(_widened(book, 1.0))
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price with more volatility; Greeks have error estimates where the spot diffuses for some time."""
-        narrow = book.deviation() <= LARGEST_DEVIATION
+        narrow = book.deviation <= LARGEST_DEVIATION
         found = prices(book.count)
         for rows, price in ((narrow, _hardly), (~narrow, _for_some_time)):
             chosen = np.flatnonzero(rows)

@@ -49,7 +49,7 @@ def priced(
         Further columns of `Prices` by name. Derivatives by the parameters are not read in the exercise region; theta's
         error follows from those of the price, delta and gamma where they are given.
     """
-    payoff, now = book.payoff(), book.first_segments().exercisable
+    payoff, now = book.payoff(), book.now.exercisable
     least = np.maximum(np.where(now, payoff, 0.0), european)
     value, missing = np.maximum(value, least), least - value
     exercised = exercised & ~(
@@ -100,7 +100,7 @@ def _theta_weights(book: Book) -> tuple[Vector, Vector, Vector]:
     """Return what theta is linear in value, delta and gamma with, each of shape (n,)."""
     spot, drift = _diffusing(book)
     volatility, _ = book.volatility_now()
-    return book.first_segments().rate, -drift, -0.5 * (volatility * spot) ** 2
+    return book.now.rate, -drift, -0.5 * (volatility * spot) ** 2
 
 
 def charm_weights(book: Book) -> tuple[Vector, Vector, Vector]:
@@ -108,7 +108,7 @@ def charm_weights(book: Book) -> tuple[Vector, Vector, Vector]:
 
     It is the derivative of theta's equation, (11.46), by the spot.
     """
-    (spot, drift), now = _diffusing(book), book.first_segments()
+    (spot, drift), now = _diffusing(book), book.now
     volatility, by_spot = book.volatility_now()
     variance = volatility**2
     by_gamma = -(drift + variance * spot + 0.5 * by_spot * spot**2)
@@ -117,7 +117,7 @@ def charm_weights(book: Book) -> tuple[Vector, Vector, Vector]:
 
 def _diffusing(book: Book) -> tuple[Vector, Vector]:
     """Return the spot that diffuses and the drift of the quoted one, money and money per year, each of shape (n,)."""
-    now, spot = book.first_segments(), book.spot
+    now, spot = book.now, book.spot
     grown: Vector | float = 0.0
     if book.escrowed.any():
         escrow = book.escrow_now()

@@ -50,7 +50,7 @@ def stated_bounds(book: Book) -> PriceBounds:
 
 def range_of(book: Book) -> tuple[Vector, Vector]:
     """Return the least that exercise now, or never, brings, and the largest price without arbitrage, shape (n,)."""
-    return np.where(book.first_segments().exercisable, book.payoff(), 0.0), bounds_of(book).upper
+    return np.where(book.now.exercisable, book.payoff(), 0.0), bounds_of(book).upper
 
 
 def lies_high(book: Book, value: Vector) -> BoolVector:
@@ -102,7 +102,7 @@ def bounds_of(book: Book) -> PriceBounds:
             spot[rows] = np.maximum(grown * (1.0 - segments.fraction[at]) - drops[at], 0.0)
         european_upper = np.where(book.is_put, K * discount, held * share)
         forward = np.log(spot / K)
-    now = np.where(book.first_segments().exercisable, sign * (K - book.spot), 0.0)
+    now = np.where(book.now.exercisable, sign * (K - book.spot), 0.0)
     certain = (start == 0.0) | (book.expiry == 0.0)
     return PriceBounds(
         lower,

@@ -42,7 +42,7 @@ def test_a_contract_without_events_has_one_segment():
     assert book.expiry.tolist() == [1.0, 0.5, 0.0]
     assert book.segments.exercisable.tolist() == [True, False, True]
     assert book.payoff().tolist() == [10.0, 30.0, 100.0]
-    assert book.first_segments() is book.segments
+    assert book.now is book.segments
 
 
 def test_a_contract_with_events_has_a_segment_up_to_each():
@@ -54,7 +54,7 @@ def test_a_contract_with_events_has_a_segment_up_to_each():
     assert book.segments.end[1:6].tolist() == [0.125, 0.375, 0.625, 0.875, 1.0]
     assert book.segments.due[1:6].tolist() == [1.0, 1.0, 1.0, 1.0, 0.0]
     assert book.segments.volatility[6:].tolist() == [0.15, 0.4, 0.2]
-    assert book.first_segments().end.tolist() == [1.0, 0.125, 0.3]
+    assert book.now.end.tolist() == [1.0, 0.125, 0.3]
     assert book.per_segment(book.strike).size == 9
     assert book.segments.duration[1] == 0.125
 

@@ -49,7 +49,7 @@ def numbers(read: ReadBook, name: str) -> np.ndarray:
     order, book = np.argsort(read.rows), read.book
     if name == "tolerance":
         return read.tolerance[order]
-    owner = book if name in ("is_put", "spot", "strike", "expiry", "escrowed") else book.first_segments()
+    owner = book if name in ("is_put", "spot", "strike", "expiry", "escrowed") else book.now
     return np.asarray(getattr(owner, name))[order]
 
 

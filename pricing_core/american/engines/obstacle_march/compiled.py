@@ -13,7 +13,7 @@ from pricing_core.american.book.prices import Prices
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.differences import stored
 from pricing_core.american.engines.engine import BoundariesAt, Request
-from pricing_core.american.engines.formulas import has_formula, may_exercise
+from pricing_core.american.engines.formulas import is_lognormal, may_exercise
 from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.obstacle_march.march_book import march_book
 from pricing_core.american.engines.obstacle_march.segment_greeks import (
@@ -54,7 +54,7 @@ class CompiledMarch:
             return np.zeros(book.count, dtype=bool)
         segments, spot = book.segments, book.diffusing()
         variance = segments.volatility**2 * segments.duration
-        served = (book.expiry > 0.0) & (book.deviation() <= LARGEST_DEVIATION)
+        served = (book.expiry > 0.0) & (book.deviation <= LARGEST_DEVIATION)
         diffuses = (variance > 0.0) & (segments.volatility >= least_volatility(book))
         served &= np.logical_and.reduceat(diffuses, book.first[:-1])
         return served & (spot > 0.0)
@@ -65,8 +65,7 @@ class CompiledMarch:
             return self._solved(book, request)
 
     def _solved(self, book: Book, request: Request) -> Prices:
-        held = book.european()
-        formula, may = has_formula(held), may_exercise(book)
+        formula, may = is_lognormal(book), may_exercise(book)
         shared = request.share_solves and not (request.by_rates and request.greeks != "none")
         found = march_book(book, request, european=may & ~formula, share=shared)
         strike, escrow = book.strike, book.escrow_now()
@@ -86,7 +85,7 @@ class CompiledMarch:
         european = strike * np.where(may, found.european, found.value)
         rows = np.flatnonzero(formula)
         if rows.size:
-            european[rows] = european_columns(held.take(rows), "none")["value"]
+            european[rows] = european_columns(book.european().take(rows), "none")["value"]
         interrupted = request.is_interrupted()
         return priced(
             book,
@@ -147,7 +146,7 @@ def least_volatility(book: Book) -> Vector:
         share = np.fmin(segments.fraction + book.drops() / book.per_segment(book.spot), LARGEST_DROP)
         least = np.where(segments.duration > 0.0, drift / LARGEST_DRIFT / np.sqrt(segments.duration), 0.0)
         reached = np.add.reduceat(drift - np.log1p(-share), first) / LARGEST_RANGE
-        of_whole = np.where(book.deviation() < reached, reached / np.sqrt(book.expiry), 0.0)
+        of_whole = np.where(book.deviation < reached, reached / np.sqrt(book.expiry), 0.0)
     least = np.maximum((1.0 + 1e-9) * np.maximum(least, book.per_segment(of_whole)), LEAST_VOLATILITY)
     raised: Vector = np.maximum(segments.volatility, least)
     return raised
@@ -157,7 +156,7 @@ def leaves_out_the_strike(book: Book) -> BoolVector:
     """Tell contracts that may be exercised now and whose grids may reach neither the strike nor a boundary near it."""
     with np.errstate(divide="ignore", invalid="ignore"):
         away = np.abs(np.log(book.diffusing() / book.strike))
-    far: BoolVector = book.first_segments().exercisable & (away > FURTHEST * book.deviation())
+    far: BoolVector = book.now.exercisable & (away > FURTHEST * book.deviation)
     return far
 
 

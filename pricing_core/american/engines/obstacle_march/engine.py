@@ -39,7 +39,7 @@ class ObstacleMarch:
 
     def serves(self, book: Book) -> BoolVector:
         """Tell contracts with time to expiry, a spot above 0 and a deviation at which calls keep their digits."""
-        return (book.expiry > 0.0) & (book.spot > 0.0) & (book.deviation() <= LARGEST_DEVIATION)
+        return (book.expiry > 0.0) & (book.spot > 0.0) & (book.deviation <= LARGEST_DEVIATION)
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price one contract after the other; what fails numerically has the status "out_of_domain"."""

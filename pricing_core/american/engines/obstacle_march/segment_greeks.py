@@ -52,7 +52,7 @@ def by_spot(book: Book, found: MarchedSegments) -> Columns:
     In the escrowed model V(t, S) = F(t, S - A(t)), with A' = r A what the dividends due are worth.
     """
     spot = book.diffusing() / book.strike
-    grown = book.first_segments().rate * book.escrow_now()
+    grown = book.now.rate * book.escrow_now()
     value, change = found.local, found.local_change
     delta, delta_error = value[:, BY_X] / spot, change[:, BY_X] / spot
     square = spot * spot * book.strike
@@ -82,7 +82,7 @@ def _least_by_volatility(book: Book, found: MarchedSegments) -> Vector:
     sigma T V_xx is what a European option's vega is made of, sigma^2 T the variance.
     """
     least: Vector = (
-        BY_VOLATILITY * book.deviation() * np.sqrt(book.expiry) * found.local_change[:, BY_X_TWICE]
+        BY_VOLATILITY * book.deviation * np.sqrt(book.expiry) * found.local_change[:, BY_X_TWICE]
     )
     return least
 

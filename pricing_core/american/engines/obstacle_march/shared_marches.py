@@ -20,7 +20,7 @@ def shared_marches(book: Book) -> tuple[Rows, Rows]:
     terms = np.column_stack([book.is_put, book.strike, book.escrowed])
     with np.errstate(divide="ignore"):
         x = np.log(book.diffusing())
-    order, widths = np.argsort(x, kind="stable"), REACH * book.deviation()
+    order, widths = np.argsort(x, kind="stable"), REACH * book.deviation
     owner = np.empty(book.count, dtype=np.int64)
     chosen: list[int] = []
     known: dict[tuple[bytes, bytes, int], tuple[int, float]] = {}

@@ -52,7 +52,7 @@ def is_flat(book: Book) -> BoolVector:
     """Tell American contracts without events and with a positive volatility, where the kernel is compiled."""
     if kernel.price_options is None:
         return np.zeros(book.count, dtype=bool)
-    now = book.first_segments()
+    now = book.now
     flat = now.exercisable & (now.volatility * np.sqrt(now.end) >= SMALLEST_SPREAD) & (book.spot > 0.0)
     if book.local is not None:
         flat &= ~book.is_local()

@@ -75,7 +75,7 @@ def next_to_the_boundary(family, seed):
     book = FAMILIES[family](CONTRACTS, seed)
     at_strike = replace(book, spot=book.strike + book.escrow_now())
     boundary = asked(at_strike, 1e-7, "none").boundary
-    rows = np.flatnonzero(np.isfinite(boundary) & book.first_segments().exercisable)
+    rows = np.flatnonzero(np.isfinite(boundary) & book.now.exercisable)
     near = book.take(np.repeat(rows, BEYOND.size))
     spots = np.repeat(boundary[rows], BEYOND.size) * (1.0 + near.sign * np.tile(BEYOND, rows.size))
     return replace(near, spot=spots)

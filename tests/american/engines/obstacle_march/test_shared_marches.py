@@ -87,7 +87,7 @@ def test_spots_far_apart_have_marches_of_their_own():
     assert rows.size > 10
     for number in range(rows.size):
         own = np.log(book.spot[owner == number])
-        assert np.ptp(own) <= REACH * book.deviation()[0]
+        assert np.ptp(own) <= REACH * book.deviation[0]
 
 
 def test_prices_of_a_book_do_not_depend_on_its_order():
