@@ -6,6 +6,7 @@ import csv
 import gzip
 import json
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -190,8 +191,8 @@ def _flat(prefix: str, record: Mapping[str, Any]) -> Iterable[tuple[str, object]
 
 
 def _check_names(names: Sequence[str]) -> None:
-    for place, name in enumerate(names):
-        if name in names[:place]:
+    for name, count in Counter(names).items():
+        if count > 1:
             raise InvalidInputError("column", name, "named once")
 
 

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.special import ndtr
 
 from pricing_core.american import (
     CashDividend,
@@ -64,6 +66,75 @@ def test_a_call_ends_where_a_dividend_takes_nearly_everything(rate, dividend_yie
     found = price(CALL, replace(market, proportional_dividends=dividends), greeks="none")
     assert found.status == "ok"
     assert abs(found.price - ended) <= found.error_estimate
+
+
+def with_one_dividend(sign, spot, amount, paid_at, expiry, rate, volatility):
+    """Return the value of a European option, strike 100, by quadrature over the spot when the dividend is paid."""
+
+    def after(z):
+        drift = (rate - 0.5 * volatility**2) * paid_at
+        left = max(spot * math.exp(drift + volatility * math.sqrt(paid_at) * z) - amount, 1e-300)
+        spread = volatility * math.sqrt(expiry - paid_at)
+        discounted = 100.0 * math.exp(-rate * (expiry - paid_at))
+        d = math.log(left / discounted) / spread + 0.5 * spread
+        value = sign * (discounted * ndtr(-sign * (d - spread)) - left * ndtr(-sign * d))
+        return value * math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+
+    pieces = np.linspace(-9.0, 9.0, 37)
+    found = sum(quad(after, *piece, epsabs=1e-10)[0] for piece in itertools.pairwise(pieces))
+    return math.exp(-rate * paid_at) * found
+
+
+@needs_kernel
+@pytest.mark.parametrize(("option_type", "sign"), [("put", 1.0), ("call", -1.0)])
+@pytest.mark.parametrize(
+    ("spot", "amount", "paid_at", "expiry", "volatility"),
+    [
+        (1000.0, 1000.0, 0.04, 1.0 / 12.0, 0.2),
+        (1000.0, 900.0, 0.04, 1.0 / 12.0, 0.2),
+        (500.0, 400.0, 0.04, 1.0 / 12.0, 0.1),
+        (800.0, 700.0, 1.0 / 24.0, 1.0 / 12.0, 0.2),
+        (2000.0, 1900.0, 0.125, 0.25, 0.2),
+    ],
+)
+def test_a_dividend_may_bring_a_far_spot_to_the_strike(
+    option_type, sign, spot, amount, paid_at, expiry, volatility
+):
+    true = with_one_dividend(sign, spot, amount, paid_at, expiry, 0.05, volatility)
+    market = Market(spot, 0.05, volatility, cash_dividends=cash(amount, (paid_at,)))
+    found = price(Option(option_type, 100.0, expiry, "european"), market)
+    assert found.status == "ok"
+    assert abs(found.price - true) <= found.error_estimate
+    american = price(Option(option_type, 100.0, expiry), market)
+    assert american.price >= true - american.error_estimate
+    assert american.european_price == pytest.approx(true, abs=0.05)  # it has no estimate of its own
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    ("dividends", "ruined_at"),
+    [
+        ({"cash_dividends": cash(5.0, (0.75,)), "proportional_dividends": proportional(1.0, (0.5,))}, 0.5),
+        ({"cash_dividends": cash(5.0, (1.0,)), "proportional_dividends": proportional(1.0, (0.5,))}, 0.5),
+        ({"cash_dividends": (*cash(1000.0, (0.1,)), *cash(5.0, (0.5,)))}, 0.1),
+        ({"cash_dividends": (*cash(1000.0, (0.1,)), *cash(1000.0, (0.5,)))}, 0.1),
+    ],
+)
+def test_a_put_is_exercised_as_soon_as_its_spot_is_used_up(dividends, ruined_at):
+    """Whatever is still to be paid then; before that the spot is worth waiting for."""
+    market = Market(80.0, 0.05, 0.1, **dividends)
+    found = price(PUT, market)
+    assert abs(found.price - 100.0 * math.exp(-0.05 * ruined_at)) <= found.error_estimate + 1e-7
+    assert found.european_price == pytest.approx(100.0 * math.exp(-0.05), abs=1e-3)
+
+
+@needs_kernel
+@pytest.mark.parametrize("count", [99, 100, 101, 349])
+def test_many_dividends_that_use_up_the_spot_leave_the_strike(count):
+    dividends = cash(160.0 / count, tuple(0.5 * (k + 1) / count for k in range(count)))
+    found = price(PUT, Market(100.0, 0.05, 0.05, cash_dividends=dividends))
+    assert found.european_price == pytest.approx(100.0 * math.exp(-0.05), abs=1e-3)
+    assert 95.1 < found.price < 100.0
 
 
 @needs_kernel

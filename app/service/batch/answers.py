@@ -15,6 +15,7 @@ from pricing_core.american.contracts.fields import GreeksUnits
 
 JSON, LINES, ARROW = "application/json", "application/x-ndjson", "application/vnd.apache.arrow.stream"
 FORMS = (JSON, LINES, ARROW)
+MOST_KINDS = 100  # that an Accept header may name: each is looked at before the request is admitted; chosen
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"  # a message of no length
 
 
@@ -174,6 +175,8 @@ def accepted_form(accept: Sequence[str], given: str) -> str:
     >>> accepted_form(["application/x-ndjson;q=0.5, application/json"], ARROW)
     'application/json'
     """
+    if sum(header.count(",") for header in accept) >= MOST_KINDS:
+        raise NotAcceptableError(f"Accept must name fewer than {MOST_KINDS} kinds of media")
     wanted = [part for header in accept for part in header.split(",") if part.strip()]
     for kind in sorted(map(_kind_and_weight, wanted), key=lambda found: -found[1]):
         if kind[1] > 0.0 and kind[0] in FORMS:

@@ -30,6 +30,9 @@ Cuts: TypeAlias = np.ndarray[tuple[int], np.dtype[np.int64]]
 # Kinds of fields of which a text of a dictionary is read once, however many rows of a piece hold it.
 READ_ONCE = ("choice", "date")
 ROWS_AT_A_TIME = 1 << 16  # that are cut into pieces together; chosen
+LONGEST_SCHEMA = (
+    1 << 18
+)  # bytes of the message with names and types, which takes many times as much once read; chosen
 MOST_BATCHES = 4_096  # record batches in a stream: each costs some work, whatever it holds; chosen
 # Where the tables of Arrow's messages have what is looked for (Message.fbs).
 HEADER_TYPE, HEADER = 1, 2
@@ -155,6 +158,8 @@ def _check_messages(body: bytes | bytearray) -> None:
     """Refuse compressed buffers, which take whatever memory they name, before Arrow looks at them, and what follows."""
     source = pa.BufferReader(pa.py_buffer(body))
     for count, message in enumerate(pa.ipc.MessageReader.open_stream(source)):
+        if count == 0 and len(message.metadata) > LONGEST_SCHEMA:
+            raise BodyTooLargeError(f"the schema of a stream must not be longer than {LONGEST_SCHEMA} bytes")
         if count > MOST_BATCHES:
             raise BodyTooLargeError(f"a stream must not hold more than {MOST_BATCHES} batches")
         if _is_compressed(memoryview(message.metadata)):

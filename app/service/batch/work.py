@@ -157,6 +157,7 @@ class BatchWork:
                 yield rows
                 continue
             late += rows.count
+            await asyncio.sleep(0)  # for others: blank lines come to nothing that is waited for
             if late >= ROWS_AT_A_TIME or not self._body.has_lines:
                 yield LateRows(late)
                 late = 0

@@ -82,6 +82,7 @@ def answer_of(fit: ChainFit) -> dict[str, Any]:
 def _raw(body: bytes | bytearray, form: str, memory: HeldMemory) -> RawTable:
     if form == ARROW:
         table = flat_table(body, MOST_QUOTES)
+        _check_columns(table.num_columns)
         memory.take(bytes_of_table(table))
         raw = of_arrow(table)
     elif form == JSON:
@@ -91,16 +92,23 @@ def _raw(body: bytes | bytearray, form: str, memory: HeldMemory) -> RawTable:
             )
         memory.take(bytes_of_json(body))
         raw = of_json(parse_object(body, most_bytes=None))
+        _check_columns(len(raw.columns))
     else:
         if body.count(b"\n") > MOST_QUOTES + 1:
             raise BodyTooLargeError(f"a chain must not have more than {MOST_QUOTES} quotes")
+        header = body.lstrip().partition(b"\n")[0]
+        _check_columns(1 + max(header.count(separator) for separator in b",;\t"))
         memory.take(bytes_of_csv(body))
         raw = of_csv(_text(body))
     if raw.count > MOST_QUOTES:
         raise BodyTooLargeError(f"a chain must not have more than {MOST_QUOTES} quotes")
-    if len(raw.columns) > MOST_COLUMNS:
-        raise InvalidInputError("columns", Told(f"{len(raw.columns)} columns"), f"at most {MOST_COLUMNS}")
     return _without_infinities(raw)
+
+
+def _check_columns(count: int) -> None:
+    """Refuse a wide table before it is made."""
+    if count > MOST_COLUMNS:
+        raise InvalidInputError("columns", Told(f"{count} columns"), f"at most {MOST_COLUMNS}")
 
 
 def _without_infinities(raw: RawTable) -> RawTable:

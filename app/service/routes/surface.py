@@ -4,9 +4,9 @@ import functools
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
+from fastapi.responses import Response
 
 from app.result_values import surface_by_name
-from app.service.contract_schema import Strict
 from app.service.errors import deadline_told
 from app.service.problem_responses import problem_responses
 from app.service.request_body import json_body, request_body
@@ -16,7 +16,7 @@ from app.service.work.admission import answer
 from app.service.work.cost_model import seconds_of_surface
 from app.service.work.lanes import Interrupt
 from app.service.work.route_limits import for_contract
-from pricing_core.american import Market, Option, ValueSurface, value_surface
+from pricing_core.american import Market, Option, value_surface
 from pricing_core.american.book.book import Book
 from pricing_core.errors import InvalidInputError, Told
 
@@ -33,7 +33,7 @@ MOST_POINTS = 50_000
 )
 async def post_surface(
     question: Annotated[SurfaceRequest, Depends(json_body(SurfaceRequest, for_contract))], request: Request
-) -> Strict:
+) -> Response:
     """Value the option at every pair of a time and a spot, just after what happens at that time.
 
     Where the deadline passes first, the answer is 503 with Retry-After. Unknown keys are refused.
@@ -53,9 +53,10 @@ async def post_surface(
     def expected() -> float:
         return seconds_of_surface(*contract(), question.tolerance, question.greeks, points)
 
-    def work(interrupt: Interrupt) -> ValueSurface:
+    def work(interrupt: Interrupt) -> tuple[str, str, str]:
+        """Return status and method, and the answer: to write 50,000 values takes long as well."""
         with deadline_told(interrupt, "fewer points are faster"):
-            return value_surface(
+            found = value_surface(
                 *contract(),
                 spots=question.spots,
                 times=question.times,
@@ -64,6 +65,9 @@ async def post_surface(
                 interrupt=interrupt,
             )
 
-    found = await answer(request, work, expected)
-    record_of(request).answered(found.status, found.method)
-    return SurfaceResponse(**surface_by_name(found, question.greeks_units))
+        values = SurfaceResponse(**surface_by_name(found, question.greeks_units))
+        return found.status, found.method, values.model_dump_json(by_alias=True)
+
+    status, method, text = await answer(request, work, expected)
+    record_of(request).answered(status, method)
+    return Response(text, media_type="application/json")

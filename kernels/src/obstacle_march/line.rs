@@ -9,6 +9,9 @@ const POINTS: usize = 6;
 /// The fewest on one side of a contact set; where there are fewer it is disregarded.
 const FEWEST_POINTS: usize = 3;
 
+/// What exercise must bring more than waiting, as a share of the strike: more than rounding does.
+const LEAST_GAIN: f64 = 1e-12;
+
 /// The points next to the end of a contact set, that end among them.
 const NEAR_POINTS: usize = 5;
 
@@ -261,6 +264,19 @@ impl<'a> Line<'a> {
             points: 2,
             weights,
         }
+    }
+
+    /// The contact set; where the grid has none that below it, at spots at which exercising a put brings more than the line
+    /// that the value goes on with. The holder of a spot that a dividend has used up exercises at once.
+    pub fn contact_below(&self, exercisable: bool) -> Contact {
+        let is_free = self.contact.end == f64::NEG_INFINITY;
+        let gain = self.strike - self.beyond(0.0, true)[0]; // at a spot of 0
+        if !(is_free && exercisable && self.grid.sign > 0.0 && gain > LEAST_GAIN * self.strike) {
+            return self.contact;
+        }
+        let lost = (self.values[0] - (self.strike - self.grid.spot(0))).max(0.0);
+        let spot = self.grid.spot(0) * gain / (gain + lost);
+        Contact::from_near_end(self.grid.index(spot).min(-f64::EPSILON))
     }
 
     /// Beyond an end the value is linear in the spot.

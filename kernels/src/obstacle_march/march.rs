@@ -363,7 +363,11 @@ impl<'a, V: Vector> March<'a, V> {
         terms.enter(lane, &contract, number, &grid);
         let mut kinks = Kinks::default();
         let later: Vec<f64> = self.values.iter().map(|node| node.lane(lane)).collect();
-        let contact = self.contact[lane];
+        let mut contact = self.contact[lane];
+        if !at_expiry {
+            let next = contract.segments[number + 1].exercisable;
+            contact = Line::after(&contract, number, &grid, &later, contact).contact_below(next);
+        }
         let after = if at_expiry {
             kinks.push(grid.index(segment.before_drop(1.0)));
             After::Payoff

@@ -69,8 +69,11 @@ impl Grid {
 const LARGEST_LOG: f64 = 690.0;
 /// Cells next to an end of the grid in which no contact set is seen to end.
 const UNRESOLVED: f64 = 2.0;
-/// What a drop is of all of them where it tells how far a grid reaches.
+/// What a drop is of the largest one where it tells how far a grid reaches.
 const LEAST_DROP: f64 = 0.01;
+/// The same as a share of the strike where drops lead below the grid: there a put that nobody pays for a drop any more is told
+/// from one with a drop to come.
+const LEAST_WHERE_USED_UP: f64 = 1e-4;
 /// How far the grid goes on below the least of them, in deviations and at most in ln S: there a put no longer depends on the
 /// spot, which the line beyond the grid's end goes on with.
 const BELOW_DROPS: f64 = 3.0;
@@ -83,6 +86,7 @@ const FAR: f64 = 16.0;
 fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
     let (lowest, highest) = contract.span();
     let (mut low, mut high, mut variance) = (lowest, highest, 0.0);
+    let mut deepest = lowest; // that drops lead to, however far
     for (number, segment) in contract.mesh.iter().enumerate() {
         let spread = 2.0 * f64::sqrt(variance);
         let square = mean_variance(contract, number, low - spread, high + spread);
@@ -90,16 +94,17 @@ fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
         variance += square * segment.duration;
         low = (low + drift * segment.duration).min(lowest);
         high = (high + drift * segment.duration).max(highest);
+        deepest = deepest.min(low);
         if segment.drops() {
-            let after = segment.after_drop(low.exp());
+            deepest = deepest.min(segment.after_drop(deepest.exp()).max(1e-12).ln());
             low = low
-                .min(after.max(1e-12).ln())
+                .min(segment.after_drop(low.exp()).max(1e-12).ln())
                 .max(lowest - 3.0 * variance.sqrt() - 1.0);
         }
     }
     let deviation = variance.sqrt();
     let far = FAR * deviation;
-    if low < far && high > -far {
+    if deepest < far && high > -far {
         (low, high) = (low.min(0.0), high.max(0.0));
     }
     let (mut left, right) = (
@@ -110,8 +115,14 @@ fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
         // Where dividends may use up the spot a put is exercised at spots of the size of one of them.
         let drops = || contract.mesh.iter().map(|one| one.amount);
         let total: f64 = drops().sum();
-        if total.ln() > left {
-            let felt = drops().filter(|one| *one > LEAST_DROP * total);
+        if total > 0.0 && (total.ln() > left || deepest < left) {
+            let largest = drops().fold(0.0, f64::max);
+            let least = if deepest < left {
+                LEAST_WHERE_USED_UP
+            } else {
+                LEAST_DROP * largest
+            };
+            let felt = drops().filter(|one| *one > least);
             let below = (BELOW_DROPS * deviation).min(FURTHEST_BELOW);
             left = left.min(felt.fold(f64::INFINITY, f64::min).ln() - below);
         }

@@ -81,9 +81,7 @@ def _least_by_volatility(book: Book, found: MarchedSegments) -> Vector:
 
     sigma T V_xx is what a European option's vega is made of, sigma^2 T the variance.
     """
-    least: Vector = (
-        BY_VOLATILITY * book.deviation * np.sqrt(book.expiry) * found.local_change[:, BY_X_TWICE]
-    )
+    least: Vector = BY_VOLATILITY * book.deviation * np.sqrt(book.expiry) * found.local_change[:, BY_X_TWICE]
     return least
 
 

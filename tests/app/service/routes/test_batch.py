@@ -1,3 +1,4 @@
+import asyncio
 import json
 import math
 import struct
@@ -19,6 +20,7 @@ from app.service.batch.json_rows import columns_of as columns_of_body
 from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_JSON_ROWS, PIECE_WEIGHT
 from app.service.decoded_size import bytes_of_json
 from app.service.errors import DeadlineError
+from app.service.incoming_body import MOST_LINES
 from app.service.work.lanes import Place
 from app.settings import Settings
 from pricing_core.american import price_many
@@ -367,6 +369,46 @@ def test_a_query_that_is_none_is_refused(client: TestClient, query: str) -> None
 @pytest.mark.parametrize("accept", ["text/html", "application/json;q=0", "application/xml, image/*"])
 def test_an_answer_of_a_kind_that_there_is_not_is_refused(client: TestClient, accept: str) -> None:
     assert_problem(ask(client, body_of(BOOK, JSON), JSON, accept=accept), 406, "not-acceptable")
+
+
+def test_accepted_kinds_and_parameters_are_counted_before_they_are_looked_at(client: TestClient) -> None:
+    body = body_of(BOOK, JSON)
+    assert ask(client, body, JSON, accept=",".join(["application/json"] * 99)).status_code == 200
+    assert_problem(
+        ask(client, body, JSON, accept=",".join(["application/json"] * 101)), 406, "not-acceptable"
+    )
+    names = "&".join(f"p{k}" for k in range(101))
+    problem = assert_problem(ask(client, body, JSON, "?" + names), 422, "invalid-input")
+    assert "fewer than 100 parameters" in problem["detail"]
+
+
+def test_a_long_schema_is_refused_before_it_is_read(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A message of a megabyte would take many as objects."""
+    table = pa.table({f"column_{k}": pa.nulls(0) for k in range(10_000)})
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as stream:
+        stream.write_table(table)
+    monkeypatch.setattr("app.service.batch.arrow_body.pa.ipc.open_stream", pytest.fail)
+    assert_problem(ask(client, bytes(sink.getvalue()), ARROW), 413, "body-too-large")
+
+
+def test_blank_lines_after_the_deadline_leave_the_event_loop_to_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("app.service.work.lanes.Place.has_time", lambda self: False)
+    turns = []
+
+    async def turn(seconds: float, sleep: Any = asyncio.sleep) -> None:
+        turns.append(seconds)
+        await sleep(seconds)
+
+    monkeypatch.setattr("app.service.batch.work.asyncio.sleep", turn)
+    with TestClient(create_app(Settings(slots=2))) as client:
+        answer = ask(client, b"\n" * 100_000, LINES)
+    assert (answer.status_code, answer.content) == (200, b"")
+    assert turns.count(0) >= 100_000 // MOST_LINES
 
 
 @needs_kernel

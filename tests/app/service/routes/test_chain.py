@@ -22,7 +22,10 @@ QUERY = "?rate=0.04"
 
 
 def arrow_of(path: Path) -> bytes:
-    table = pa_csv.read_csv(path)
+    return stream_of(pa_csv.read_csv(path))
+
+
+def stream_of(table: pa.Table) -> bytes:
     sink = pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, table.schema) as stream:
         stream.write_table(table)
@@ -151,7 +154,7 @@ def test_what_quotes_take_is_counted_before_they_are_made(form: str, monkeypatch
         monkeypatch.setattr(f"app.service.chain.fitting.{name}", made.append)
     content = {
         JSON: b'{"strike": [' + b"1," * 20_000 + b"1]}",
-        CSV: b"a" + b",a" * 20_000,
+        CSV: b"a" + b"\n1" * 10_000,
         ARROW: arrow_of(SAMPLES / "generic.csv"),
     }[form]
     with TestClient(create_app(Settings(slots=2, max_batch_bytes=len(content) + 100))) as client:
@@ -170,12 +173,22 @@ def test_lines_and_columns_of_csv_are_counted(client: TestClient, monkeypatch: p
     assert not made
 
 
+@pytest.mark.parametrize("form", [CSV, ARROW])
+def test_a_wide_table_is_refused_before_it_is_made(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch, form: str
+) -> None:
+    for made in ("of_csv", "of_arrow"):
+        monkeypatch.setattr(f"app.service.chain.fitting.{made}", pytest.fail)
+    names = [f"c{k}" for k in range(MOST_COLUMNS + 1)]
+    body = ",".join(names).encode() + b"\n"
+    if form == ARROW:
+        body = stream_of(pa.table({name: pa.nulls(0) for name in names}))
+    assert_problem(ask(client, body, form), 422, "invalid-input")
+
+
 def test_a_chain_in_arrow_has_plain_columns(client: TestClient) -> None:
-    table = pa.table({"strike": [1.0], "note": [{"a": 1}]})
-    sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, table.schema) as stream:
-        stream.write_table(table)
-    problem = assert_problem(ask(client, sink.getvalue().to_pybytes(), ARROW), 422, "invalid-input")
+    body = stream_of(pa.table({"strike": [1.0], "note": [{"a": 1}]}))
+    problem = assert_problem(ask(client, body, ARROW), 422, "invalid-input")
     assert problem["detail"].endswith("must be a column of numbers, text or dates")
 
 
