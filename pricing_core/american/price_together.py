@@ -12,7 +12,7 @@ from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.solve import FAST_ENGINES, solve
+from pricing_core.american.engines.solve import ENGINES, solve
 
 
 def price_together(
@@ -36,7 +36,7 @@ def price_together(
         Asked between steps of the work; True ends it, and what is not settled then is None.
     """
     request = Request(np.array(tolerances), greeks, interrupt=interrupt)
-    prices = solve(book, request, engines=FAST_ENGINES)
+    prices = solve(book, request, engines=ENGINES[:-1])
     ready = (prices.status == "ok") & prices.complete
     return [
         valuation(contract, book, prices, greeks=greeks != "none", row=row) if there else None

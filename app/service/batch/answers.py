@@ -24,7 +24,7 @@ class BatchAnswer(Protocol):
 
     @property
     def rows_a_second(self) -> float:
-        """How many rows that are late are sent in a second: measured on one core, to a client that reads no slower."""
+        """How many rows that are late are sent in a second to a client that keeps up: measured for lines only."""
         ...
 
     def start(self, schema: pa.Schema) -> bytes:

@@ -30,9 +30,7 @@ Cuts: TypeAlias = np.ndarray[tuple[int], np.dtype[np.int64]]
 # Kinds of fields of which a text of a dictionary is read once, however many rows of a piece hold it.
 READ_ONCE = ("choice", "date")
 ROWS_AT_A_TIME = 1 << 16  # that are cut into pieces together; chosen
-LONGEST_SCHEMA = (
-    1 << 18
-)  # bytes of the message with names and types, which takes many times as much once read; chosen
+LONGEST_SCHEMA = 1 << 18  # bytes of its message, which take many times as much once they are read; chosen
 MOST_BATCHES = 4_096  # record batches in a stream: each costs some work, whatever it holds; chosen
 # Where the tables of Arrow's messages have what is looked for (Message.fbs).
 HEADER_TYPE, HEADER = 1, 2

@@ -16,7 +16,7 @@ from app.service.work.lanes import Interrupt
 from pricing_core.chains import ChainFit, fit_chain
 from pricing_core.chains.canonical import RawTable
 from pricing_core.chains.fit_tables import tables_of
-from pricing_core.chains.raw_files import of_arrow, of_csv, of_json
+from pricing_core.chains.raw_files import DELIMITERS, of_arrow, of_csv, of_json
 from pricing_core.chains.read_chain import read_raw
 from pricing_core.errors import InvalidInputError, Told
 
@@ -92,21 +92,21 @@ def _raw(body: bytes | bytearray, form: str, memory: HeldMemory) -> RawTable:
             )
         memory.take(bytes_of_json(body))
         raw = of_json(parse_object(body, most_bytes=None))
-        _check_columns(len(raw.columns))
     else:
         if body.count(b"\n") > MOST_QUOTES + 1:
             raise BodyTooLargeError(f"a chain must not have more than {MOST_QUOTES} quotes")
         header = body.lstrip().partition(b"\n")[0]
-        _check_columns(1 + max(header.count(separator) for separator in b",;\t"))
+        _check_columns(1 + max(map(header.count, DELIMITERS.encode())))
         memory.take(bytes_of_csv(body))
         raw = of_csv(_text(body))
     if raw.count > MOST_QUOTES:
         raise BodyTooLargeError(f"a chain must not have more than {MOST_QUOTES} quotes")
+    _check_columns(len(raw.columns))
     return _without_infinities(raw)
 
 
 def _check_columns(count: int) -> None:
-    """Refuse a wide table before it is made."""
+    """Refuse a wide table; asked before it is made where that is known by then, for making it takes long."""
     if count > MOST_COLUMNS:
         raise InvalidInputError("columns", Told(f"{count} columns"), f"at most {MOST_COLUMNS}")
 

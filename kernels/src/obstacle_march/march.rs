@@ -364,18 +364,17 @@ impl<'a, V: Vector> March<'a, V> {
         let mut kinks = Kinks::default();
         let later: Vec<f64> = self.values.iter().map(|node| node.lane(lane)).collect();
         let mut contact = self.contact[lane];
-        if !at_expiry {
-            let next = contract.segments[number + 1].exercisable;
-            contact = Line::after(&contract, number, &grid, &later, contact).contact_below(next);
-        }
         let after = if at_expiry {
             kinks.push(grid.index(segment.before_drop(1.0)));
             After::Payoff
         } else {
+            let mut line = Line::after(&contract, number, &grid, &later, contact);
+            contact = line.contact_below(contract.segments[number + 1].exercisable);
+            line.contact = contact;
             for end in [contact.begin, contact.end] {
                 kinks.push(grid.index(segment.before_drop(grid.spot_at(end))));
             }
-            After::Line(Line::after(&contract, number, &grid, &later, contact))
+            After::Line(line)
         };
         let before = Before::new(&contract, number, after);
         let mut values = vec![0.0; grid.cells + 1];

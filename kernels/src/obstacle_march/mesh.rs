@@ -96,10 +96,9 @@ fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
         high = (high + drift * segment.duration).max(highest);
         deepest = deepest.min(low);
         if segment.drops() {
-            deepest = deepest.min(segment.after_drop(deepest.exp()).max(1e-12).ln());
-            low = low
-                .min(segment.after_drop(low.exp()).max(1e-12).ln())
-                .max(lowest - 3.0 * variance.sqrt() - 1.0);
+            let dropped = |x: f64| x.min(segment.after_drop(x.exp()).max(1e-12).ln());
+            deepest = dropped(deepest);
+            low = dropped(low).max(lowest - 3.0 * variance.sqrt() - 1.0);
         }
     }
     let deviation = variance.sqrt();

@@ -168,10 +168,11 @@ def _by_parameters(book: Book, found: MarchedSegments, held: BoolVector, request
     extended = request.greeks == "extended"
     columns = by_parameters(book, found, extended=extended)
     rows = np.flatnonzero(held & lacks_cuts(book, extended=extended))
-    cut = with_entries(book.take(rows), extended=extended)
-    # Next to nothing more to be paid may be all that an escrow leaves.
-    left = np.flatnonzero(cut.diffusing() > 0.0)
-    rows, cut = rows[left], cut.take(left)
+    if rows.size:
+        cut = with_entries(book.take(rows), extended=extended)
+        # Next to nothing more to be paid may be all that an escrow leaves.
+        left = np.flatnonzero(cut.diffusing() > 0.0)
+        rows, cut = rows[left], cut.take(left)
     if rows.size:
         again = march_book(cut, request.take(rows))
         columns |= stored(columns, rows, by_parameters(cut, again, extended=extended))
