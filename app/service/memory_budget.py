@@ -27,13 +27,9 @@ class MemoryBudget:
 
         Raises
         ------
-        BodyTooLargeError
-            They are more than one client may hold, whatever others do.
         ClientLimitError, OverloadedError
             The client, or all together, would hold more than they may.
         """
-        if count > self.most:
-            raise BodyTooLargeError("the body holds more than can be read at once: send it in several parts")
         with self._lock:
             if self._held[client] + count > self.most:
                 raise ClientLimitError("what this client has in work takes as much memory as it may")
@@ -60,9 +56,15 @@ class HeldMemory:
 
         Raises
         ------
-        BodyTooLargeError, ClientLimitError, OverloadedError
+        BodyTooLargeError
+            The request alone would hold more than a client may, whatever others do.
+        ClientLimitError, OverloadedError
             As `MemoryBudget.take`.
         """
+        if self._count + count > self._budget.most:
+            raise BodyTooLargeError(
+                "the body and its answer take more memory than one request may: send it in several parts"
+            )
         self._budget.take(self._client, count)
         self._count += count
 

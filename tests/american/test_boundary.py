@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import numpy as np
@@ -114,6 +115,20 @@ def test_bad_times_are_refused(put, market, times):
 def test_an_interrupt_is_an_error_since_no_boundary_is_known(put, market):
     with pytest.raises(NumericalError, match="interrupted"):
         exercise_boundary(put, market, interrupt=lambda: True)
+
+
+@pytest.mark.parametrize("asked", [1, 5, 50])
+def test_a_boundary_without_volatility_is_interrupted_between_its_times(asked):
+    """Every time takes 50 ms where hundreds of dividends follow."""
+    count = itertools.count()
+    with pytest.raises(NumericalError, match="interrupt"):
+        exercise_boundary(
+            Option("put", 100.0, 1.0),
+            Market(100.0, 0.05, 1e-4, cash_dividends=[CashDividend(0.5, 1.0)]),
+            np.linspace(0.0, 1.0, 100),
+            interrupt=lambda: next(count) >= asked,
+        )
+    assert next(count) == asked + 1
 
 
 # (rate, dividend_yield, volatility, expiry): r < q, where the boundary starts far below the strike

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pricing_core.american.advice.cost_of_waiting import without_rights
 from pricing_core.american.advice.exercise_advice import INTERRUPTED, boundaries_of, exercised
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
-from pricing_core.american.book.segments import Segments
 from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.solve import solve
@@ -76,27 +76,8 @@ def _advice(book: Book, exercise_now: bool, request: Request) -> tuple[float, fl
 
 def _cost_of_a_day(book: Book, found: Prices, request: Request) -> Vector:
     """Return what the contracts are worth more than those that cannot be exercised for a day, money."""
-    waited = solve(_without_rights(book, DAY), replace(request, greeks="none", share_solves=False))
+    waited = solve(
+        without_rights(book, np.full(book.count, DAY)), replace(request, greeks="none", share_solves=False)
+    )
     cost: Vector = np.maximum(found.value - waited.value, 0.0)
     return cost
-
-
-def _without_rights(book: Book, time: float) -> Book:
-    """Return the contracts without the right to exercise before a time; at expiry it stays."""
-    owner = book.per_segment(np.arange(book.count))
-    segments = book.segments
-    cut = (segments.start < time) & (segments.end > time) & segments.exercisable
-    names = Segments.__slots__
-    columns = {name: np.repeat(getattr(segments, name), 1 + cut) for name in names}
-    place = np.flatnonzero(cut) + np.arange(int(cut.sum()))  # of the first halves
-    columns["end"][place] = columns["start"][place + 1] = time
-    for name in ("fraction", "due"):
-        columns[name][place] = 0.0
-    early = (columns["start"] < time) & (columns["end"] <= time)
-    last = np.zeros(early.size, dtype=bool)
-    counts = np.diff(book.first) + np.bincount(owner[cut], minlength=book.count)
-    first = np.concatenate([[0], np.cumsum(counts)])
-    last[first[1:] - 1] = True
-    columns["exercisable"] = columns["exercisable"] & ~early
-    columns["exercise_at_end"] = columns["exercise_at_end"] & (~early | last | (columns["end"] >= time))
-    return replace(book, first=first, segments=Segments(**columns))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pricing_core.american.book.book import Book
+from pricing_core.american.book.segments import Segments
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.engines.engine import Request
@@ -61,8 +62,8 @@ def cost_of_waiting(
     NumericalError
         The interrupt came before the end, or a price was not found.
     """
-    contracts = [(option, market), *((_waited(option, time), market) for time in times.tolist())]
-    book = Book.of(contracts)
+    held = Book.of([(option, market)])
+    book = Book.concatenated([held, without_rights(held.take(np.zeros(times.size, dtype=np.intp)), times)])
     found = solve(book, Request(np.full(book.count, tolerance), "none", interrupt=interrupt))
     if np.isnan(found.value).any() or "deadline" in found.status:
         raise NumericalError("the cost of waiting was not found: allow more time or a larger tolerance")
@@ -73,13 +74,23 @@ def cost_of_waiting(
     return Costs(bool(found.exercised[0]), cost, error, status, set(found.method.tolist()))
 
 
-def _waited(option: Option, time: float) -> Option:
-    """Return the option without the right to exercise before a time."""
-    if option.exercise == "american":
-        start = max(option.exercise_start, time)
-        if start >= option.expiry:
-            return replace(option, exercise="european", exercise_start=0.0)
-        return replace(option, exercise_start=start)
-    left = tuple(when for when in option.exercise_times if when >= time)
-    exercise = option.exercise if left else "european"
-    return replace(option, exercise=exercise, exercise_times=left)
+def without_rights(book: Book, times: Vector) -> Book:
+    """Return contracts without the right to exercise before a time each, shape (n,); at expiry it stays."""
+    owner, time = book.per_segment(np.arange(book.count)), book.per_segment(times)
+    segments = book.segments
+    cut = (segments.start < time) & (segments.end > time) & segments.exercisable
+    names = Segments.__slots__
+    columns = {name: np.repeat(getattr(segments, name), 1 + cut) for name in names}
+    place = np.flatnonzero(cut) + np.arange(int(cut.sum()))  # of the first halves
+    columns["end"][place] = columns["start"][place + 1] = time[cut]
+    for name in ("fraction", "due"):
+        columns[name][place] = 0.0
+    time = np.repeat(time, 1 + cut)
+    early = (columns["start"] < time) & (columns["end"] <= time)
+    last = np.zeros(early.size, dtype=bool)
+    counts = np.diff(book.first) + np.bincount(owner[cut], minlength=book.count)
+    first = np.concatenate([[0], np.cumsum(counts)])
+    last[first[1:] - 1] = True
+    columns["exercisable"] = columns["exercisable"] & ~early
+    columns["exercise_at_end"] = columns["exercise_at_end"] & (~early | last | (columns["end"] >= time))
+    return replace(book, first=first, segments=Segments(**columns))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -65,15 +66,17 @@ def moved_boundary(book: Book, boundary: Vector) -> Vector:
     return moved
 
 
-def certain_ends(book: Book, times: Vector) -> tuple[Vector, Vector]:
+def certain_ends(book: Book, times: Vector, check: Callable[[], None]) -> tuple[Vector, Vector]:
     """Return the ends of the exercise region of one contract whose volatility is left out, (near, far), money, (m,).
 
     Of several intervals it is the one next to the strike; NaN where there is no such end. At a time at which something
-    happens they are those just before it. Spots are tried from the strike on.
+    happens they are those just before it. Spots are tried from the strike on; `check` is called between the times, and
+    may raise: each takes 50 ms with hundreds of events.
     """
     found = np.full((2, times.size), math.nan)
     outermost = -book.sign.item(0) * math.log(FURTHEST)
     for k, t in enumerate(times.tolist()):
+        check()
         left = _left_at(book, t)
         escrow = left.escrow_now().item(0)
         strike = left.strike.item(0) - escrow

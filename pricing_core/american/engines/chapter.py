@@ -18,7 +18,7 @@ from pricing_core.american.book.prices import Prices, error_of, prices
 from pricing_core.american.book.resolution import MOST, LCPMethod, Resolution, Scheme
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.differences import STICKY, plan_differences, unchanged
-from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Request
+from pricing_core.american.engines.engine import INTERRUPTED, Boundaries, BoundariesAt, Request
 from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.nodal_run import NodalRun, nodal_grid, nodal_run
 from pricing_core.american.engines.obstacle_march.boundaries import limit_at_expiry, quoted
@@ -98,7 +98,7 @@ class Chapter:
         for resolution in (fine, fine.coarsened() or fine.refined()):
             run = self._run(book, resolution, request, times=times)
             if run is None:
-                raise NumericalError("the interrupt came before the boundary was found")
+                raise NumericalError(INTERRUPTED)
             ends.append(
                 np.array([_money(book, t, run.ends.get(t, (math.nan, math.nan))) for t in times.tolist()])
             )

@@ -12,7 +12,9 @@ from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.book.prices import Prices
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.arrays import BoolVector, Vector
+from pricing_core.errors import NumericalError
 
+INTERRUPTED = "the interrupt came before the boundary was found"
 UNRESOLVED = "no grid resolves the contract"  # what the message of a price says then
 
 
@@ -56,6 +58,17 @@ class Request:
     def is_interrupted(self) -> bool:
         """Ask the interrupt, if there is one."""
         return self.interrupt is not None and self.interrupt()
+
+    def end_if_interrupted(self) -> None:
+        """End the search for a boundary where the interrupt says so.
+
+        Raises
+        ------
+        NumericalError
+            It does.
+        """
+        if self.is_interrupted():
+            raise NumericalError(INTERRUPTED)
 
 
 class Boundaries(NamedTuple):

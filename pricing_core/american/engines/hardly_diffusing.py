@@ -56,10 +56,9 @@ class HardlyDiffusing:
 
     def boundary(self, book: Book, request: Request) -> BoundariesAt:
         """Return the boundaries without volatility, which are off by some standard deviations of ln S at most."""
-        del request
 
         def at(times: Vector) -> Boundaries:
-            near, far = certain_ends(book, times)
+            near, far = certain_ends(book, times, request.end_if_interrupted)
             return Boundaries(near, far, moved_boundary(book, near), np.ones(times.size, dtype=bool))
 
         return at

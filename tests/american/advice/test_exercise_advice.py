@@ -109,6 +109,25 @@ def test_nobody_is_lost_and_time_only_adds(name):
 
 
 @pytest.mark.parametrize("name", CASES)
+def test_waiting_costs_what_an_option_that_starts_later_is_worth_less(name):
+    option, market = CASES[name]
+    times = np.array([0.0, 0.1, 0.2, 0.5, 0.83]) * option.expiry
+    cost = exercise_advice(option, market, times).cost_of_waiting
+    for time, lost in zip(times.tolist(), cost.tolist(), strict=True):
+        if option.exercise == "bermudan":
+            left = tuple(when for when in option.exercise_times if when >= time)
+            waited = (
+                replace(option, exercise_times=left)
+                if left
+                else replace(option, exercise="european", exercise_times=())
+            )
+        else:
+            waited = replace(option, exercise_start=max(option.exercise_start, time))
+        expected = price(option, market).price - price(waited, market).price
+        assert lost == pytest.approx(expected, abs=2e-6 * option.strike)
+
+
+@pytest.mark.parametrize("name", CASES)
 def test_waiting_until_expiry_costs_the_early_exercise_premium(name):
     option, market = CASES[name]
     advice = exercise_advice(option, market, times=[option.expiry])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.service.errors import BodyTimeoutError, BodyTooLargeError, ClientLimitError
+from app.service.errors import BodyTimeoutError, BodyTooLargeError
 from app.service.incoming_body import LINES_AT_A_TIME, MOST_LINES, IncomingBody, _end_of_lines
 from app.service.memory_budget import MemoryBudget
 from app.service.request_record import RequestRecord
@@ -67,7 +67,7 @@ def test_a_body_is_read_no_further_than_its_limit(
 
 def test_a_body_that_is_read_whole_is_counted_as_it_arrives() -> None:
     sender = Sender(PART, 1_000)
-    with pytest.raises(ClientLimitError):
+    with pytest.raises(BodyTooLargeError):
         read(sender, RouteLimits(1 << 30, 3_600.0, 3_600.0), whole)
     assert sender.sent <= 2_000
 

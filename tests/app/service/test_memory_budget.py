@@ -10,8 +10,10 @@ def test_one_client_holds_one_largest_body_and_all_together_two() -> None:
     with pytest.raises(BodyTooLargeError):
         first.take(101)
     first.take(100)
-    with pytest.raises(ClientLimitError):
+    with pytest.raises(BodyTooLargeError):  # whatever others do: to try again later is of no use
         first.take(1)
+    with pytest.raises(ClientLimitError):
+        HeldMemory(budget, "a").take(1)
     second.take(99)
     with pytest.raises(OverloadedError):
         third.take(2)

@@ -228,8 +228,9 @@ class Piece:
         same boundaries.
         """
         start, end = span
-        at_end, limit = (held[0], held[1], held[2]), limit_at_expiry(book)
-        if limit is not None and end >= book.expiry.item():
+        at_end = (held[0], held[1], held[2])
+        limit = limit_at_expiry(book) if end >= book.expiry.item() else None
+        if limit is not None:
             at_end = (*ends_of(limit.lower, limit.upper, is_put=book.is_put.item()), 0.0)
         # Where the boundary stays at a node the last time is nearest to when it leaves it.
         stays = (known[:-1, 2] > 0.0) & (known[:-1, 0] == known[1:, 0])

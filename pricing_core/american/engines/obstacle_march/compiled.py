@@ -24,7 +24,6 @@ from pricing_core.american.engines.obstacle_march.segment_greeks import (
     with_entries,
 )
 from pricing_core.arrays import BoolVector, Matrix, Vector
-from pricing_core.errors import NumericalError
 
 if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments
@@ -118,8 +117,7 @@ class CompiledMarch:
             return None
         found = march_book(book, request, boundaries=True)
         if not found.settled[0]:
-            if request.is_interrupted():
-                raise NumericalError("the interrupt came before the boundary was found")
+            request.end_if_interrupted()
             return None
 
         def pieces(ends: Matrix) -> tuple[Piece, ...]:

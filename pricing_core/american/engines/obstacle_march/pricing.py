@@ -18,7 +18,7 @@ from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.prices import Prices, concatenated, prices
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.black_scholes import european_columns
-from pricing_core.american.engines.engine import UNRESOLVED, Request
+from pricing_core.american.engines.engine import INTERRUPTED, UNRESOLVED, Request
 from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.obstacle_march.boundaries import Traces
 from pricing_core.american.engines.obstacle_march.contact_ends import (
@@ -85,7 +85,7 @@ def solved_traces(book: Book, request: Request) -> Traces:
     except FAILURES as error:
         raise NumericalError(f"the exercise boundary of this contract is out of reach: {error}") from error
     if found.status == "deadline":
-        raise NumericalError("the interrupt came before the boundary was found")
+        raise NumericalError(INTERRUPTED)
     return traces_of(book, found)
 
 

@@ -690,6 +690,6 @@ def test_columns_that_would_take_more_memory_than_there_is_are_not_parsed(
         assert client.app.state.memory.held == 0  # type: ignore[attr-defined]
     enough = bytes_of_json(body) + len(body) + 1_000
     with TestClient(create_app(Settings(slots=2, max_batch_bytes=enough))) as client:
-        assert_problem(ask(client, body, JSON), 429, "client-limit")  # the answer does not fit
+        assert_problem(ask(client, body, JSON), 413, "body-too-large")  # the answer does not fit
         assert parsed
         assert client.app.state.memory.held == 0  # type: ignore[attr-defined]
