@@ -24,6 +24,9 @@ JSON, LINES, ARROW = "application/json", "application/x-ndjson", "application/vn
 EVERYTHING = "everything"
 MOST_BYTES = 1 << 24  # that one connection sends before it begins anew
 BOOK = {"option_type": "put", "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
+PRICE = BOOK | {"spot": 100}
+# As many dividends as 3,900 bytes hold.
+PAYS = PRICE | {"cash_dividends": [[k, 0.01] for k in np.linspace(1e-4, 0.99, 280).round(4).tolist()]}
 Stream = Callable[[], Iterator[bytes]]
 
 
@@ -114,6 +117,8 @@ def shapes() -> Mapping[str, Stream]:
         "lines of nothing": bodies("/v1/batch", LINES, lambda: b"{}\n" * 300_000),
         "one text for all rows": bodies("/v1/batch", ARROW, lambda: dictionaries(1_000_000, 16_000)),
         "cells of a chain": bodies("/v1/chain?rate=0", "text/csv", lambda: b"," * (1 << 22)),
+        "cheap questions": bodies("/v1/price", JSON, lambda: json.dumps(PRICE).encode()),
+        "dividends in a short body": bodies("/v1/price", JSON, lambda: json.dumps(PAYS).encode()),
         "expensive questions": bodies("/v1/implied-volatility", JSON, lambda: json.dumps(SEARCH).encode()),
     }
 

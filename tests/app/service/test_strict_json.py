@@ -34,6 +34,12 @@ def test_a_key_twice_is_refused_at_any_depth(nested: bytes) -> None:
         parse_object(nested)
 
 
+@pytest.mark.parametrize("raw", [b"", b" \r\n", bytearray()])
+def test_an_empty_body_is_called_empty(raw: bytes) -> None:
+    with pytest.raises(InvalidJsonError, match="the body is empty"):
+        parse_object(raw)
+
+
 def test_both_halves_of_a_surrogate_pair_are_one_character() -> None:
     assert parse_object(b'{"a": "\\ud83d\\ude00"}') == {"a": "\N{GRINNING FACE}"}
 
