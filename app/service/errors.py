@@ -14,8 +14,6 @@ from app.service.schemas import FieldError, Problem
 from app.service.strict_json import InvalidJsonError
 from pricing_core.errors import InvalidInputError, NumericalError
 
-SHOWN_ERRORS = 10
-
 
 class ServiceError(Exception):
     """A request that the service does not answer; the message is safe to send.
@@ -53,7 +51,7 @@ class InvalidRequestError(ServiceError):
 
     def __init__(self, faults: Sequence[InvalidInputError]) -> None:
         different = {fault.message_for_strangers: fault for fault in faults}
-        self.faults = tuple(different.values())[:SHOWN_ERRORS]
+        self.faults = tuple(different.values())
         told = "; ".join(fault.message_for_strangers for fault in self.faults)
         super().__init__(told.replace("?;", "?"))
 

@@ -13,7 +13,6 @@ from pydantic_core import ErrorDetails
 from app.service.clients import client_of
 from app.service.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, LOCAL, NUMBER
 from app.service.errors import (
-    SHOWN_ERRORS,
     BodyTimeoutError,
     BodyTooLargeError,
     InvalidRequestError,
@@ -41,6 +40,7 @@ DATE_INSTEAD: Mapping[int | str, str] = {
     EXPIRY.name: "it is in years, and in its place valuation_date and expiration_date may give dates",
     EX_TIME.name: "it is in years, and in its place ex_date gives a date, where there is a valuation_date",
 }
+SHOWN_ERRORS = 10  # of a body; chosen
 LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
 # Bytes of a body that every request may hold without a word; what is longer shares the memory of long bodies. Chosen.
 UNCOUNTED = 1 << 16

@@ -7,7 +7,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app.service import request_body
-from app.service.errors import SHOWN_ERRORS
+from app.service.request_body import SHOWN_ERRORS
 from app.service.schemas import PriceRequest
 from tests.problems.needs_kernel import needs_kernel
 
