@@ -17,13 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.reporting.report import Report, Section, table
-from benchmarks.serving.attackers import EVERYTHING, shapes
+from benchmarks.serving.attackers import EVERYTHING, PRICE, shapes
 from benchmarks.serving.load import HOST, SERVE, megabytes, server_process
 
 TWO_WORKERS = SERVE.replace("'0']", "'0', '--workers', '2']")
-QUESTION = json.dumps(
-    {"option_type": "put", "spot": 100, "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
-)
+QUESTION = json.dumps(PRICE)
 PAUSE = 0.1  # seconds between two questions of the neighbour
 LONG_SECONDS, MANY = 600.0, 128  # that all kinds last together, and their connections
 QUIET = "nobody"

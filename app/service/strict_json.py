@@ -39,8 +39,6 @@ def parse_object(raw: bytes | bytearray, most_bytes: int | None = LARGEST_OBJECT
     """
     if most_bytes is not None and bytes_of_json(raw) > most_bytes:
         raise InvalidJsonError("the body holds more values than are read as one object")
-    if not raw or raw.isspace():
-        raise InvalidJsonError("the body is empty, and must be one JSON object")
     try:
         value = parse_json(raw.decode("utf-8"))
     except DuplicateKeyError:

@@ -25,7 +25,7 @@ EVERYTHING = "everything"
 MOST_BYTES = 1 << 24  # that one connection sends before it begins anew
 BOOK = {"option_type": "put", "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
 PRICE = BOOK | {"spot": 100}
-# As many dividends as 3,900 bytes hold.
+# Pairs take the longest to read for each byte.
 PAYS = PRICE | {"cash_dividends": [[k, 0.01] for k in np.linspace(1e-4, 0.99, 280).round(4).tolist()]}
 Stream = Callable[[], Iterator[bytes]]
 

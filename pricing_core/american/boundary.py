@@ -24,7 +24,6 @@ from pricing_core.errors import NumericalError
 DEFAULT_POINTS = 101  # Number of times where none are given and nothing happens before expiry; chosen.
 FEWEST_POINTS = 12  # Smallest number of times between two events; chosen.
 JUST_AFTER = 1e-6  # Time just after an event, as a share of the time to the next one; chosen.
-INTERRUPTED = "interrupted before the boundary was found: allow more time"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,11 +140,11 @@ def exercise_boundary(
     nothing = np.full(chosen.size, math.nan)
     if option.exercise == "european":
         return ExerciseBoundary(chosen, tau, nothing, None, nothing, "none")
-    if interrupt is not None and interrupt():
-        raise NumericalError(INTERRUPTED)
+    request = Request(np.array([tolerance]), interrupt=interrupt)
+    request.end_if_interrupted()
     methods: list[str] = []
     engines = cast("Sequence[Engine]", [_Noted(engine, methods) for engine in ENGINES])
-    found = boundary_of(book, Request(np.array([tolerance]), interrupt=interrupt), engines)(chosen)
+    found = boundary_of(book, request, engines)(chosen)
     if not found.found.all():
         raise NumericalError("no method could find the exercise boundary of this contract")
     other = None if np.isnan(found.far).all() else found.far

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.segments import Segments
+from pricing_core.american.book.cuts import with_cuts
+from pricing_core.american.book.ragged import Ragged, starts
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.engines.engine import Request
@@ -76,21 +77,18 @@ def cost_of_waiting(
 
 def without_rights(book: Book, times: Vector) -> Book:
     """Return contracts without the right to exercise before a time each, shape (n,); at expiry it stays."""
-    owner, time = book.per_segment(np.arange(book.count)), book.per_segment(times)
-    segments = book.segments
-    cut = (segments.start < time) & (segments.end > time) & segments.exercisable
-    names = Segments.__slots__
-    columns = {name: np.repeat(getattr(segments, name), 1 + cut) for name in names}
-    place = np.flatnonzero(cut) + np.arange(int(cut.sum()))  # of the first halves
-    columns["end"][place] = columns["start"][place + 1] = time[cut]
-    for name in ("fraction", "due"):
-        columns[name][place] = 0.0
-    time = np.repeat(time, 1 + cut)
-    early = (columns["start"] < time) & (columns["end"] <= time)
-    last = np.zeros(early.size, dtype=bool)
-    counts = np.diff(book.first) + np.bincount(owner[cut], minlength=book.count)
-    first = np.concatenate([[0], np.cumsum(counts)])
-    last[first[1:] - 1] = True
-    columns["exercisable"] = columns["exercisable"] & ~early
-    columns["exercise_at_end"] = columns["exercise_at_end"] & (~early | last | (columns["end"] >= time))
-    return replace(book, first=first, segments=Segments(**columns))
+    segments, time = book.segments, book.per_segment(times)
+    inside = segments.exercisable & (segments.start < time) & (time < segments.end)
+    counts = np.add.reduceat(inside, book.first[:-1], dtype=np.int64)
+    book = with_cuts(book, Ragged(starts(counts), time[inside]))
+    segments, time = book.segments, book.per_segment(times)
+    early = 0.5 * (segments.start + segments.end) < time
+    stays = ~early | (segments.end >= np.minimum(time, book.per_segment(book.expiry)))
+    return replace(
+        book,
+        segments=replace(
+            segments,
+            exercisable=segments.exercisable & ~early,
+            exercise_at_end=segments.exercise_at_end & stays,
+        ),
+    )

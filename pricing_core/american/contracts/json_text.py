@@ -47,7 +47,8 @@ def parse_json(text: str) -> Any:
     except UnicodeError:
         raise JSONTextError("is not well-formed UTF-8 text, escapes included") from None
     except json.JSONDecodeError as error:
-        raise JSONTextError(f"is not JSON from character {error.pos} on") from None
+        fault = f"is not JSON from character {error.pos} on" if text.strip() else "is empty"
+        raise JSONTextError(fault) from None
     except RecursionError:
         raise JSONTextError("is nested too deeply") from None
     except ValueError:  # an integer literal beyond the interpreter's limit of digits

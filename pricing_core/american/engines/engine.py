@@ -14,7 +14,7 @@ from pricing_core.american.contracts.fields import Greeks
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import NumericalError
 
-INTERRUPTED = "the interrupt came before the boundary was found"
+INTERRUPTED = "interrupted before the boundary was found: allow more time"
 UNRESOLVED = "no grid resolves the contract"  # what the message of a price says then
 
 

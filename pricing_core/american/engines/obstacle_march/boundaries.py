@@ -229,8 +229,7 @@ class Piece:
         """
         start, end = span
         at_end = (held[0], held[1], held[2])
-        limit = limit_at_expiry(book) if end >= book.expiry.item() else None
-        if limit is not None:
+        if end >= book.expiry.item() and (limit := limit_at_expiry(book)) is not None:
             at_end = (*ends_of(limit.lower, limit.upper, is_put=book.is_put.item()), 0.0)
         # Where the boundary stays at a node the last time is nearest to when it leaves it.
         stays = (known[:-1, 2] > 0.0) & (known[:-1, 0] == known[1:, 0])
