@@ -3,6 +3,7 @@
 import asyncio
 import functools
 import math
+import operator
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, TypeAlias, TypeVar
 
@@ -133,11 +134,12 @@ def too_late(limits: RouteLimits) -> BodyTimeoutError:
 
 
 def memory_of(request: Request) -> HeldMemory:
-    """Return what a request holds of the memory budget; it is released when the request has been answered."""
+    """Return what a request holds of the memory budget; it is released when the client has taken the answer."""
     state = request.state
     if not hasattr(state, "memory"):
-        state.memory = HeldMemory(request.app.state.memory, client_of(request))
-        state.at_end.append(state.memory.release)
+        held = state.memory = HeldMemory(request.app.state.memory, client_of(request))
+        when_sent = getattr(state, "when_sent", operator.call)  # which a server's connection knows alone
+        state.at_end.append(lambda: when_sent(held.release))
     memory: HeldMemory = state.memory
     return memory
 

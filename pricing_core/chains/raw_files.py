@@ -7,7 +7,7 @@ import gzip
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -54,8 +54,16 @@ def of_arrow(table: pa.Table) -> RawTable:
     return RawTable({name: table[name].to_pylist() for name in names}, table.num_rows)
 
 
-def of_json(content: object) -> RawTable:
+def of_json(content: object, check: Callable[[int, int], None] | None = None) -> RawTable:
     """Return the records of a JSON answer, or its columns; nested objects as columns with dots in their names.
+
+    Parameters
+    ----------
+    content : object
+        Whatever the JSON text stands for.
+    check : callable, optional
+        Is told the numbers of rows and columns before a table is made of them, and may raise: records that have no
+        name in common have as many columns as values, and a table that grows with the square of their number.
 
     Raises
     ------
@@ -69,9 +77,14 @@ def of_json(content: object) -> RawTable:
             raise InvalidInputError(
                 "quotes", Told(f"columns of lengths {sorted(lengths)}"), "columns of one length"
             )
-        return RawTable({str(name): list(column) for name, column in found.items()}, lengths.pop())
+        (count,) = lengths
+        if check is not None:
+            check(count, len(found))
+        return RawTable({str(name): list(column) for name, column in found.items()}, count)
     rows = [dict(_flat("", record)) for record in found]
     names = dict.fromkeys(name for row in rows for name in row)
+    if check is not None:
+        check(len(rows), len(names))
     return RawTable({name: [row.get(name) for row in rows] for name in names}, len(rows))
 
 

@@ -1,7 +1,7 @@
 """An Arrow stream from a client that is not trusted: all of it is checked before it is used."""
 
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
@@ -18,7 +18,8 @@ from app.service.batch.row_limits import (
     check_columns,
     most_entries,
 )
-from app.service.errors import BodyTooLargeError, InvalidArrowError
+from app.service.errors import BodyTooLargeError, DeadlineError, InvalidArrowError
+from app.service.work.lanes import Interrupt
 from pricing_core.american.arrow.arrow_column import is_list, is_number, is_text
 from pricing_core.american.arrow.price_batch import price_batch
 from pricing_core.american.arrow.schema import check_types
@@ -39,7 +40,7 @@ DATA = 1  # the record batch in a dictionary batch
 COMPRESSION = 3  # in a record batch
 
 
-def read_stream(body: bytes | bytearray) -> tuple[list[str], list[pa.RecordBatch]]:
+def read_stream(body: bytes | bytearray, interrupt: Interrupt) -> tuple[list[str], list[pa.RecordBatch]]:
     """Return the names of the columns and the batches of a stream, checked in full; they share the body's memory.
 
     Raises
@@ -50,18 +51,20 @@ def read_stream(body: bytes | bytearray) -> tuple[list[str], list[pa.RecordBatch
         A column is missing, unknown, named twice, or cannot hold its values.
     BodyTooLargeError
         It stands for more rows, or more text, than the service takes.
+    DeadlineError
+        The interrupt, which is asked before each batch, came.
     """
     try:
         _check_messages(body)
         with pa.ipc.open_stream(pa.BufferReader(pa.py_buffer(body))) as stream:
             check_columns(stream.schema.names)
             _check_schema(stream.schema)
-            return stream.schema.names, [_checked(batch) for batch in _batches(stream)]
+            return stream.schema.names, [_checked(batch) for batch in _batches(stream, interrupt)]
     except (pa.ArrowException, OSError, struct.error, IndexError, UnicodeError):
         raise InvalidArrowError("the body is not one Arrow stream from its schema to its end") from None
 
 
-def flat_table(body: bytes | bytearray, most_rows: int) -> pa.Table:
+def flat_table(body: bytes | bytearray, most_rows: int, interrupt: Interrupt) -> pa.Table:
     """Return a stream of plain columns of any names, checked in full.
 
     Raises
@@ -72,6 +75,8 @@ def flat_table(body: bytes | bytearray, most_rows: int) -> pa.Table:
         A column is no plain column of numbers, text or dates, or holds too long a text.
     BodyTooLargeError
         It has more rows.
+    DeadlineError
+        As `read_stream`.
     """
     try:
         _check_messages(body)
@@ -82,7 +87,7 @@ def flat_table(body: bytes | bytearray, most_rows: int) -> pa.Table:
                 ):
                     allowed = "a column of numbers, text or dates"
                     raise InvalidInputError(f"column {place}", Told("its type"), allowed)
-            batches = [_checked(batch) for batch in _batches(stream, most_rows)]
+            batches = [_checked(batch) for batch in _batches(stream, interrupt, most_rows)]
             return pa.Table.from_batches(batches, stream.schema)
     except (pa.ArrowException, OSError, struct.error, IndexError, UnicodeError):
         raise InvalidArrowError("the body is not one Arrow stream from its schema to its end") from None
@@ -127,19 +132,27 @@ class ArrowPieces:
                 yield ArrowRows(rows.slice(start, end - start))
 
 
-def table_of(body: bytes | bytearray) -> tuple[list[str], ArrowPieces]:
+def table_of(body: bytes | bytearray, interrupt: Interrupt) -> tuple[list[str], ArrowPieces]:
     """Return the names of the columns of a stream, and its rows in pieces to be priced together.
 
     Raises
     ------
-    InvalidArrowError, InvalidInputError, BodyTooLargeError
+    InvalidArrowError, InvalidInputError, BodyTooLargeError, DeadlineError
         As `read_stream`.
     """
-    names, batches = read_stream(body)
-    return names, ArrowPieces([*_cut(batches)])
+    names, batches = read_stream(body, interrupt)
+    return names, ArrowPieces([*_cut(_in_time(batches, interrupt))])
 
 
-def _cut(batches: Sequence[pa.RecordBatch]) -> Iterator[tuple[pa.RecordBatch, Cuts]]:
+def _in_time(batches: Iterable[pa.RecordBatch], interrupt: Interrupt) -> Iterator[pa.RecordBatch]:
+    """Yield batches until the interrupt comes: what is done to each may look at a whole dictionary again."""
+    for batch in batches:
+        if interrupt():
+            raise DeadlineError("the deadline passed before the body was read; fewer batches are faster")
+        yield batch
+
+
+def _cut(batches: Iterable[pa.RecordBatch]) -> Iterator[tuple[pa.RecordBatch, Cuts]]:
     """Yield consecutive rows, and where to cut them so that each piece holds few numbers and texts."""
     for batch in batches:
         for begin in range(0, batch.num_rows, ROWS_AT_A_TIME):  # what is counted of each takes memory as well
@@ -236,9 +249,11 @@ def _is_plain_list(found: pa.DataType) -> bool:
     return bool(pa.types.is_list(found) or pa.types.is_large_list(found))
 
 
-def _batches(stream: pa.RecordBatchReader, most_rows: int = MOST_ROWS) -> Iterator[pa.RecordBatch]:
+def _batches(
+    stream: pa.RecordBatchReader, interrupt: Interrupt, most_rows: int = MOST_ROWS
+) -> Iterator[pa.RecordBatch]:
     rows = 0
-    for batch in stream:
+    for batch in _in_time(stream, interrupt):
         rows += batch.num_rows
         if rows > most_rows:
             raise BodyTooLargeError(f"a batch must not have more than {most_rows} rows")

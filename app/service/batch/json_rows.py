@@ -11,6 +11,7 @@ from app.service.batch.row_limits import FIELDS, MOST_JSON_ROWS, PIECE_WEIGHT, c
 from app.service.contract_schema import LONGEST_DATE
 from app.service.errors import BodyTooLargeError
 from app.service.strict_json import InvalidJsonError, parse_object
+from app.service.work.lanes import Interrupt
 from pricing_core.american.arrow.price_batch import price_read
 from pricing_core.american.book.columns import is_list_of_row
 from pricing_core.american.book.reading import REQUIRED_COLUMNS, read_book
@@ -102,7 +103,7 @@ class JsonPieces:
             yield JsonColumns(self.columns, start, end)
 
 
-def columns_of(body: bytes | bytearray) -> tuple[list[str], JsonPieces]:
+def columns_of(body: bytes | bytearray, _: Interrupt) -> tuple[list[str], JsonPieces]:
     """Return the names of the columns of one JSON object, and its rows in pieces to be priced together.
 
     The memory that the object takes, `bytes_of_json`, is for the caller to count.

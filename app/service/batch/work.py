@@ -82,6 +82,7 @@ class BatchWork:
     ) -> None:
         self._lane, self._place = expensive_lane(request), expensive_place(request)
         self._promised, self._rows = self._place.expires, 0
+        self._on_its_way = 0  # bytes of the answer
         self._record, self._memory = record_of(request), memory_of(request)
         self._body, self._form, self._settings, self._answer = body, form, settings, answer
 
@@ -119,7 +120,7 @@ class BatchWork:
         if self._form == LINES:
             return [*FIELDS], self._lines()
         body = await self._body.whole()
-        read: Callable[[bytearray], tuple[list[str], Pieces]] = table_of
+        read: Callable[[bytearray, Interrupt], tuple[list[str], Pieces]] = table_of
         if self._form == JSON:
             if len(body) > LONGEST_COLUMNS:
                 raise BodyTooLargeError(
@@ -127,7 +128,7 @@ class BatchWork:
                 )
             self._memory.take(bytes_of_json(body))
             read = columns_of
-        names, rows = await self._done(lambda _: read(body))
+        names, rows = await self._done(lambda interrupt: read(body, interrupt))
         self._rows = rows.count
         return names, self._in_time(rows)
 
@@ -190,13 +191,17 @@ class BatchWork:
                 yield answer
 
     async def _added(self, encoded: Any, count: int) -> AsyncIterator[bytes]:
-        """Yield the answer of some rows, and count what it takes of the memory until the client has taken it."""
+        """Yield the answer of some rows, and count what it takes of the memory until the client has taken it.
+
+        One that is on its way is gone when the next one is: until then it stays counted.
+        """
         size = len(encoded) if isinstance(encoded, bytes) else sum(map(len, encoded))
         self._memory.take(size)
         answer = self._answer.add(encoded, count)
         if answer:
             yield answer
-            self._memory.give_back(size)
+            self._memory.give_back(self._on_its_way)
+            self._on_its_way = size
 
     async def _done(self, work: Callable[[Interrupt], Found]) -> Found:
         return await self._lane.run(work, self._place, self._body.gone())

@@ -24,6 +24,9 @@ CSV = "text/csv"
 FORMS = (JSON, CSV, ARROW)
 MOST_QUOTES = 20_000  # rows of a body; chosen: the largest chains of one underlying have about half of that
 MOST_COLUMNS = 200  # chosen
+# Bytes of a place in a column, empty or not; and of what an answer has of a cell, as text and as bytes: JSON writes a
+# control character as six.
+BYTES_OF_PLACE, BYTES_OF_CHARACTER, BYTES_OF_NUMBER = 16, 12, 48
 
 
 def fitted_body(
@@ -38,7 +41,7 @@ def fitted_body(
     """
     with deadline_told(interrupt, "fewer quotes or a wider tolerance are faster"):
         try:
-            raw = _raw(body, form, memory)
+            raw = _raw(body, form, memory, interrupt)
             quotes = read_raw(
                 raw,
                 question.format,
@@ -79,9 +82,9 @@ def answer_of(fit: ChainFit) -> dict[str, Any]:
     return answer
 
 
-def _raw(body: bytes | bytearray, form: str, memory: HeldMemory) -> RawTable:
+def _raw(body: bytes | bytearray, form: str, memory: HeldMemory, interrupt: Interrupt) -> RawTable:
     if form == ARROW:
-        table = flat_table(body, MOST_QUOTES)
+        table = flat_table(body, MOST_QUOTES, interrupt)
         _check_columns(table.num_columns)
         memory.take(bytes_of_table(table))
         raw = of_arrow(table)
@@ -91,18 +94,37 @@ def _raw(body: bytes | bytearray, form: str, memory: HeldMemory) -> RawTable:
                 f"JSON must not be longer than {LONGEST_COLUMNS} bytes: send {CSV} or {ARROW}"
             )
         memory.take(bytes_of_json(body))
-        raw = of_json(parse_object(body, most_bytes=None))
+
+        def check(rows: int, columns: int) -> None:
+            _check_rows(rows)
+            _check_columns(columns)
+            memory.take(BYTES_OF_PLACE * rows * columns)
+
+        raw = of_json(parse_object(body, most_bytes=None), check)
     else:
-        if body.count(b"\n") > MOST_QUOTES + 1:
-            raise BodyTooLargeError(f"a chain must not have more than {MOST_QUOTES} quotes")
+        _check_rows(body.count(b"\n") - 1)
         header = body.lstrip().partition(b"\n")[0]
         _check_columns(1 + max(map(header.count, DELIMITERS.encode())))
         memory.take(bytes_of_csv(body))
         raw = of_csv(_text(body))
-    if raw.count > MOST_QUOTES:
-        raise BodyTooLargeError(f"a chain must not have more than {MOST_QUOTES} quotes")
+    _check_rows(raw.count)
     _check_columns(len(raw.columns))
+    memory.take(_bytes_of_answer(raw))
     return _without_infinities(raw)
+
+
+def _bytes_of_answer(raw: RawTable) -> int:
+    """Return a bound of the memory of an answer that holds every cell, as text and as bytes."""
+    return sum(
+        BYTES_OF_CHARACTER * len(cell) if isinstance(cell, str) else BYTES_OF_NUMBER
+        for column in raw.columns.values()
+        for cell in column
+    )
+
+
+def _check_rows(count: int) -> None:
+    if count > MOST_QUOTES:
+        raise BodyTooLargeError(f"a chain must not have more than {MOST_QUOTES} quotes")
 
 
 def _check_columns(count: int) -> None:

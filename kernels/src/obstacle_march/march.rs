@@ -81,6 +81,15 @@ impl End {
             },
         }
     }
+
+    /// The end nearest to a place; not a number where there is none.
+    pub(super) fn nearest(&self, x: f64) -> f64 {
+        if (self.far - x).abs() < (self.near - x).abs() || self.near.is_nan() {
+            self.far
+        } else {
+            self.near
+        }
+    }
 }
 
 impl Marched {

@@ -60,12 +60,18 @@ const OF_BOUNDARY: [f64; 2] = [1.5, 0.75];
 const OF_FIRST_BOUNDARY: f64 = 3.0;
 const OF_FIRST_CELL: f64 = 0.03;
 const OF_UNSEEN: f64 = 0.25;
+/// The share of the boundary's error within which the spot may as well lie on its other side; calibrated.
+const OTHER_SIDE: f64 = 0.5;
 /// The cells of the finest grid.
 const MOST_CELLS: usize = 4096;
 
 /// The step of the volatilities for second derivatives, a share of the smallest one: their error falls with its square,
 /// and rounding is divided by it.
 const VOLATILITY_STEP: f64 = 5e-3;
+/// What the step costs of a second derivative, which no grid shows; calibrated next to exercise boundaries.
+const OF_STEP: f64 = 1e-4;
+/// How far from the boundary, over how far this moves with the step, the places move along with it; chosen.
+const CROSSED: f64 = 3.0;
 /// So many marches are side by side at the price of one.
 const FEW: usize = 4;
 /// The largest record of a march, bytes; on finer grids the derivatives stay those of the grids before.
@@ -116,9 +122,14 @@ pub struct Found {
 }
 
 /// The derivatives at the spot: the first two by x, the rate `V_tau` and its derivative by x, that of the first by a parallel
-/// change of the volatilities, and the second and the first one by that.
-pub const LOCAL: usize = 7;
+/// change of the volatilities, and the second and the first one by that; and by how much the second one by x jumps where the
+/// spot may as well lie on the boundary's other side, 0 elsewhere.
+pub const LOCAL: usize = 8;
 
+/// The place of the mixed one, of the first one by the volatility, and of the jump.
+const VOLATILITY_AND_X: usize = 4;
+const BY_VOLATILITY: usize = 6;
+const JUMP: usize = 7;
 /// The place of the volatility among the numbers of a segment.
 const VOLATILITY: usize = 2;
 
@@ -158,6 +169,11 @@ impl Found {
 struct Seen {
     /// The cells' width.
     h: f64,
+    /// Where it was looked at, and the end of the contact set nearest to there, not a number where there is none; in x.
+    x: f64,
+    end: f64,
+    /// By how much the second derivative by x jumps there.
+    jump: f64,
     value: f64,
     /// The values at `AROUND` times its own cells, and times twice those.
     own: [f64; AROUND.len()],
@@ -185,8 +201,16 @@ impl Seen {
         let local = |cells: f64| local(marched, contract, x + cells * h);
         let index = marched.grid.index(x.exp());
         let now = End::of(&marched.grid, 0, 0.0, marched.contact);
+        let end = now.nearest(x);
         Self {
             h,
+            x,
+            end,
+            jump: if end.is_nan() {
+                0.0
+            } else {
+                jump(contract, end).abs()
+            },
             value: at(0.0),
             own: AROUND.map(at),
             wide: AROUND.map(|cells| at(2.0 * cells)),
@@ -203,9 +227,27 @@ impl Seen {
         }
     }
 
+    /// The same next to that place where it is in contact: at the end of the contact set.
+    fn beside_contact(marched: &mut Marched, contract: &Contract, x: f64) -> Self {
+        let now = End::of(&marched.grid, 0, 0.0, marched.contact);
+        let end = now.nearest(x);
+        let in_contact = marched.contact.holds(marched.grid.index(x.exp()));
+        let free = if in_contact && !end.is_nan() { end } else { x };
+        Self::of(marched, contract, free)
+    }
+
     /// Whether the spot is so near to where exercise begins that a few cells lie between.
-    fn is_near_boundary(&self, x: f64) -> bool {
-        (self.boundary.ln() - x).abs() < NEAR * self.h
+    fn is_near_boundary(&self) -> bool {
+        (self.boundary.ln() - self.x).abs() < NEAR * self.h
+    }
+
+    /// By what the errors of derivatives are multiplied.
+    fn near_factor(&self) -> f64 {
+        if self.is_near_boundary() {
+            NEAR_DERIVATIVES
+        } else {
+            1.0
+        }
     }
 
     /// How far the values lie apart from those on the grid before, at places around the spot, and the largest of that.
@@ -225,19 +267,26 @@ fn local(marched: &Marched, contract: &Contract, x: f64) -> [f64; 4] {
     if marched.contact.holds(index) {
         return [-sign * spot, -sign * spot, obstacle_rate, 0.0];
     }
-    let diffusion = |x: f64| 0.5 * contract.variance(0.0, x, now.volatility);
-    let rise = |end: f64| {
-        let spot = marched.grid.spot_at(end);
-        let cost = sign * (now.rate - now.dividend_yield * spot);
-        0.5 * cost * h * h / diffusion(spot.ln())
-    };
+    let rise = |end: f64| 0.5 * h * h * jump(contract, marched.grid.spot_at(end).ln());
     let [value, slope, rate, rate_slope] =
         line.local(spot, index, &marched.rates, rise, obstacle_rate);
     let slope = slope * sign / h;
-    let here = diffusion(x);
+    let here = diffusion(contract, x);
     let drift = now.rate - now.dividend_yield - here;
     let bend = (rate - drift * slope + now.rate * value) / here;
     [slope, bend, rate, rate_slope * sign / h]
+}
+
+/// Half the variance per year at a place now.
+fn diffusion(contract: &Contract, x: f64) -> f64 {
+    0.5 * contract.variance(0.0, x, contract.segments[0].volatility)
+}
+
+/// By how much the second derivative by x jumps where the contact set ends now: what contact costs over the diffusion.
+fn jump(contract: &Contract, end: f64) -> f64 {
+    let now = &contract.segments[0];
+    let cost = contract.sign * (now.rate - now.dividend_yield * end.exp());
+    cost / diffusion(contract, end)
 }
 
 /// How many grids are always marched, and by what the error estimates of the value and of the derivatives are multiplied.
@@ -274,6 +323,8 @@ struct Place {
     /// The last two differences of the value, and the last one of the boundary, not a number before there is one.
     differences: [f64; 2],
     boundary_difference: f64,
+    /// How far the place moves with the volatility's step where the boundary next to it does, in x.
+    along: f64,
     found: Found,
     done: bool,
 }
@@ -328,6 +379,7 @@ impl<'a> Work<'a> {
                     held: None,
                     differences: [0.0; 2],
                     boundary_difference: f64::NAN,
+                    along: 0.0,
                     found: Found::nothing(segments),
                     done: false,
                 })
@@ -457,7 +509,7 @@ impl Place {
         if drops && contract.sign > 0.0 {
             caution *= RETURNING;
         }
-        if contract.segments.len() > 1 && seen.is_near_boundary(self.x) {
+        if contract.segments.len() > 1 && seen.is_near_boundary() {
             caution *= NEAR_VALUE;
         }
         let found = &mut self.found;
@@ -474,10 +526,7 @@ impl Place {
 
     /// Tell the derivatives and by how much they change from the last grid to this one.
     fn derive(&mut self, seen: &Seen, last: &Seen, share: f64, caution: Caution) {
-        let mut factor = caution.of_derivatives;
-        if seen.is_near_boundary(self.x) {
-            factor *= NEAR_DERIVATIVES;
-        }
+        let factor = caution.of_derivatives * seen.near_factor();
         let best = |now: f64, before: f64, change: f64| Changing {
             value: now + share * (now - before),
             change: factor * change.max((now - before).abs()),
@@ -499,6 +548,12 @@ impl Place {
                 found.local[k] = best(seen.local[k], last.local[k], change);
             }
         }
+        let away = (seen.x - seen.end).abs() * seen.end.exp();
+        let is_unsure = away < OTHER_SIDE * found.boundary_error;
+        found.local[JUMP] = Changing {
+            value: if is_unsure { seen.jump } else { 0.0 },
+            change: 0.0,
+        };
         let walked = !seen.by_segment.is_empty();
         if walked && seen.by_segment.len() == last.by_segment.len() {
             let pairs = seen.by_segment.iter().zip(&last.by_segment);
@@ -516,7 +571,7 @@ impl Place {
             return;
         }
         let by_volatility = || found.by_segment.iter().map(|one| one[VOLATILITY]);
-        found.local[LOCAL - 1] = Changing {
+        found.local[BY_VOLATILITY] = Changing {
             value: by_volatility().map(|one| one.value).sum(),
             change: by_volatility().map(|one| one.change).sum(),
         };
@@ -541,17 +596,45 @@ impl Place {
         self.held = Some(seen);
     }
 
+    /// Where a contract is looked at, `number` of `count`: at the place, and with other volatilities moved along with the
+    /// boundary.
+    fn looked_at(&self, number: usize, count: usize) -> f64 {
+        match count - number {
+            2 => self.x + self.along,
+            1 => self.x - self.along,
+            _ => self.x,
+        }
+    }
+
     /// Tell the derivatives in which the volatility takes part, of one that changes everywhere alike.
+    ///
+    /// V is smooth in the volatility along a way x(sigma) that stays outside the contact set: what changes along it less
+    /// what the way itself adds is the derivative at one place.
     fn take_sides(&mut self, own: &Seen, [up, down]: [&Seen; 2], step: f64) {
-        let mixed = (up.local[0] - down.local[0]) / (2.0 * step);
-        let second = (up.value + down.value - 2.0 * own.value) / (step * step);
-        let first = (up.value - down.value) / (2.0 * step);
-        for (found, now) in self.found.local[4..].iter_mut().zip([mixed, second, first]) {
+        let (higher, lower) = (up.x - own.x, down.x - own.x);
+        let (speed, bend) = (
+            (higher - lower) / (2.0 * step),
+            (higher + lower) / (step * step),
+        );
+        let [by_x, by_x_twice, ..] = own.local;
+        let along = (up.value - down.value) / (2.0 * step);
+        let slope_along = (up.local[0] - down.local[0]) / (2.0 * step);
+        let twice_along = (up.value + down.value - 2.0 * own.value) / (step * step);
+        let first = along - by_x * speed;
+        let mixed = slope_along - by_x_twice * speed;
+        let second = twice_along - (mixed + slope_along) * speed - by_x * bend;
+        let factor = own.near_factor();
+        let shares = [OF_STEP, OF_STEP, 0.0];
+        let found = self.found.local[VOLATILITY_AND_X..].iter_mut();
+        for ((found, now), share) in found.zip([mixed, second, first]).zip(shares) {
             *found = Changing {
                 value: now,
-                change: (now - found.value).abs(),
+                change: factor * (now - found.value).abs() + share * now.abs(),
             };
         }
+        let moves = 0.5 * (up.end - down.end);
+        let is_near = (own.x - own.end).abs() < CROSSED * moves.abs();
+        self.along = if is_near { moves } else { 0.0 };
     }
 }
 
@@ -658,9 +741,18 @@ fn march_level(
                 .iter()
                 .zip(&mut marched)
                 .map(|(job, marched)| {
-                    let contract = chosen(job);
-                    let places = contract.places.iter();
-                    places.map(|x| Seen::of(marched, &contract, *x)).collect()
+                    let (contract, work) = (chosen(job), &works[open[job.work]]);
+                    let count = contracts[job.work].len();
+                    let is_side = work.sides.is_some() && job.contract + 2 >= count;
+                    let looked = work.places.iter().map(|place| {
+                        if is_side {
+                            let x = place.looked_at(job.contract, count);
+                            Seen::beside_contact(marched, &contract, x)
+                        } else {
+                            Seen::of(marched, &contract, place.x)
+                        }
+                    });
+                    looked.collect()
                 })
                 .collect();
             if let Ok(mut results) = results.lock() {

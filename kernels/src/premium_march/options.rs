@@ -26,6 +26,16 @@ const OVER_SQUARE: [bool; 5] = [false, true, true, true, false];
 /// The same of vanna, volga and charm.
 const OF_CROSS_CHANGES: f64 = 0.5;
 const OF_CROSS_VALUES: [f64; 3] = [1.0, 1.0, 0.4];
+/// What the derivatives by x, by x twice, by rate, dividend and spread are off by next to the exercise boundary, and vanna,
+/// volga and charm: shares of `BesideBoundary::moved`; calibrated on random puts within 3 % of the boundary.
+const OF_BOUNDARY: [f64; 5] = [0.2, 1.5, 0.4, 0.4, 0.2];
+const OF_BOUNDARY_CROSS: [f64; 3] = [3.5, 3.5, 0.4];
+/// How fast that falls with the distance from the boundary, over one deviation of ln S; calibrated on the same.
+const FALL: f64 = 5.0;
+/// How far ln(S*/K) moves with the spread, at most; measured on random puts.
+const BOUNDARY_SPEED: f64 = 2.3;
+/// The share of the boundary's error within which the spot may as well lie on its other side; calibrated on the same.
+const OTHER_SIDE: f64 = 0.5;
 /// The levels of the finest march of a put: 2 to 384 steps, 4 or more where derivatives are wanted.
 const LEVELS: (usize, usize) = (0, STEPS.len() - 1);
 
@@ -69,6 +79,7 @@ pub const NAMES: [&str; 23] = [
 ];
 const UNASKED: usize = 8;
 const STANDARD: usize = 17;
+const SECOND_ERRORS: usize = 20;
 
 impl Greeks {
     /// The number of numbers found of each option.
@@ -376,7 +387,14 @@ impl Row {
             numbers[3] = self.choose(-1.0, 1.0);
             numbers[4..6].fill(0.0);
             numbers[UNASKED..11].fill(0.0);
-            numbers[STANDARD..].fill(0.0);
+            numbers[STANDARD..SECOND_ERRORS].fill(0.0);
+            let (put, error) = (self.put(), found.boundary_error);
+            let is_sure = (put.x - found.boundary).abs() > error
+                || self.is_exercised_even_without_expiry(&put);
+            if is_sure {
+                numbers[UNASKED + 3..STANDARD].fill(0.0);
+                numbers[SECOND_ERRORS..].fill(0.0);
+            }
         }
         numbers[2] = larger(numbers[2], LEAST_ERROR * numbers[0]);
         numbers
@@ -410,19 +428,37 @@ impl Row {
         let scale = self.scale();
         let spread = self.volatility * self.root;
         let value = scale * (found.error + ROUNDING);
+        let beside = self.beside_boundary(found);
         let [by_x, by_xx, parameters @ ..]: [f64; 5] = std::array::from_fn(|k| {
             let over_spread = value / spread;
-            let of_value = if OVER_SQUARE[k] {
-                over_spread / spread
+            let (of_value, of_boundary) = if OVER_SQUARE[k] {
+                (over_spread / spread, beside.moved / spread)
             } else {
-                over_spread
+                (over_spread, beside.moved)
             };
-            OF_CHANGES[k] * scale * found.changes[k].abs() + OF_VALUES[k] * of_value
+            let far = OF_CHANGES[k] * scale * found.changes[k].abs() + OF_VALUES[k] * of_value;
+            larger(beside.factor * far, scale * OF_BOUNDARY[k] * of_boundary)
         });
+        let by_xx = by_xx + scale * beside.jump;
         let [vega, rho, dividend_rho] = self.by_parameters(parameters);
         let delta = self.choose(by_x, value + by_x) / self.spot;
         let gamma = (by_xx + by_x) / self.spot / self.spot;
         [delta, gamma, vega, rho, dividend_rho]
+    }
+
+    /// What the exercise boundary's error does to the derivatives next to it.
+    fn beside_boundary(&self, found: &Found) -> BesideBoundary {
+        let put = self.put();
+        let cost = put.rate - put.dividend * found.boundary.exp();
+        let rise = 2.0 * larger(cost, 0.0) / put.spread.powi(2);
+        let away = (put.x - found.boundary).abs();
+        let weight = 1.0 / (1.0 + FALL * away / put.spread);
+        let is_unsure = away < OTHER_SIDE * found.boundary_error;
+        BesideBoundary {
+            factor: 1.0 + weight,
+            moved: weight * rise * found.boundary_error,
+            jump: if is_unsure { rise } else { 0.0 },
+        }
     }
 
     /// Vanna, volga and charm, and their errors.
@@ -440,21 +476,57 @@ impl Row {
         let (by, by_x) = (&found.values[4..], &found.seconds[..3]);
         let (changes, changes_by_x) = (&found.changes[2..], &found.second_changes[..3]);
         let volga_rounding = ROUNDING / (SPREAD_STEP * spread).powi(2);
-        [
-            of_delta(by_volatility, by, by_x),
-            self.expiry * found.seconds[3],
-            -of_delta(aging, by, by_x),
-            OF_CROSS_CHANGES * of_delta(by_volatility, changes, changes_by_x).abs()
+        // Inside the exercise region no march looks for it.
+        let volga_change = if found.exercised {
+            0.0
+        } else {
+            found.second_changes[3].abs()
+        };
+        let beside = self.beside_boundary(found);
+        let errors = [
+            (OF_CROSS_CHANGES * of_delta(by_volatility, changes, changes_by_x)).abs()
                 + OF_CROSS_VALUES[0] * self.root * value / spread.powi(2) / self.spot,
             self.expiry
-                * (OF_CROSS_CHANGES * found.second_changes[3].abs()
+                * (OF_CROSS_CHANGES * volga_change
                     + OF_CROSS_VALUES[1] * value / spread.powi(2)
                     + volga_rounding),
             OF_CROSS_CHANGES * of_delta(aging, changes, changes_by_x).abs()
                 + OF_CROSS_VALUES[2] * value / spread / (self.expiry * self.spot),
+        ];
+        // About how far the boundary moves: somewhat more than twice as far as the spread, and with the time as the spread does.
+        let moved = [
+            beside.moved / spread * self.root / self.spot,
+            beside.moved / spread * self.expiry,
+            beside.moved / (self.expiry * self.spot),
+        ];
+        let jumps = [
+            BOUNDARY_SPEED * beside.jump * self.root / self.spot,
+            BOUNDARY_SPEED.powi(2) * beside.jump * self.expiry,
+            0.5 * BOUNDARY_SPEED * beside.jump * spread / (self.expiry * self.spot),
+        ];
+        let [vanna, volga, charm] = std::array::from_fn(|k| {
+            larger(beside.factor * errors[k], OF_BOUNDARY_CROSS[k] * moved[k]) + jumps[k]
+        });
+        [
+            of_delta(by_volatility, by, by_x),
+            self.expiry * found.seconds[3],
+            -of_delta(aging, by, by_x),
+            vanna,
+            volga,
+            charm,
         ]
         .map(|number| scale * number)
     }
+}
+
+/// What the exercise boundary's error, and where it lies, do to the errors of derivatives.
+struct BesideBoundary {
+    /// The factor on what their changes tell.
+    factor: f64,
+    /// `V_xx` next to the boundary, in strikes, times the boundary's error, less further away.
+    moved: f64,
+    /// The jump of `V_xx` at the boundary, in strikes, where the spot may lie on its other side.
+    jump: f64,
 }
 
 /// What the marches say of one put; see `Solved::numbers`.

@@ -268,7 +268,8 @@ impl Task<'_> {
         };
         group.report(refinement, |item, outcome| {
             self.store(item, level, &outcome);
-            if outcome.earlier.is_none() && outcome.settled && !outcome.exercised {
+            let is_held = !self.exercised[item.spot - self.start];
+            if outcome.earlier.is_none() && outcome.settled && is_held {
                 let Outcome { found, lane, .. } = outcome;
                 finished.push(Finished {
                     item,

@@ -227,17 +227,19 @@ def _completed(book: Book, best: Prices, request: Request, engines: Sequence[Eng
 def _with_greeks_of_payoffs(book: Book, best: Prices, request: Request) -> Prices:
     """Return the prices without charm, and without errors of Greeks, where a contract is exercised or has expired.
 
-    The Greeks are the payoff's there. At the strike it has no delta at expiry: there the errors stay unknown.
+    The Greeks are the payoff's there. At the strike it has no delta at expiry: there the errors stay unknown, and those
+    of a spot that is nearer to the boundary than that is known are the engine's.
     """
     if request.greeks == "none":
         return best
-    sure = best.exercised | (book.expiry == 0.0)
-    if not some(sure):
+    exercised = best.exercised & ~(np.abs(book.spot - best.boundary) <= best.boundary_error)
+    expired = book.expiry == 0.0
+    if not some(best.exercised | expired):
         return best
     columns: dict[str, Any] = {}
     if request.greeks == "extended":
-        columns["charm"] = np.where(sure, 0.0, best.charm)
-    sure &= best.exercised | (book.spot != book.strike)
+        columns["charm"] = np.where(best.exercised | expired, 0.0, best.charm)
+    sure = exercised | (expired & (best.exercised | (book.spot != book.strike)))
     for name in GREEKS:
         known = sure & ~np.isnan(columns.get(name, getattr(best, name)))
         columns[error_of(name)] = np.where(known, 0.0, getattr(best, error_of(name)))

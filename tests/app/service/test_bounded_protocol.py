@@ -29,7 +29,9 @@ from app.service.connections import BoundedConnection, reserve_descriptors
 from app.service.envelope import Envelope
 from app.service.errors import OverloadedError
 from app.service.incoming_head import LONGEST_HEAD, LONGEST_PATH, MOST_LINES
+from app.service.memory_budget import MemoryBudget
 from app.service.reading import Hold
+from app.service.request_body import memory_of
 from app.settings import Settings
 from pricing_core.errors import InvalidInputError
 from tests.app.service.byte_streams import (
@@ -303,6 +305,30 @@ async def test_a_body_of_known_length_is_read_in_large_parts_and_none_of_what_fo
     assert len(connection.get_buffer(-1)) == BODY_READ_BYTES
     feed(connection, b" " * BODY_READ_BYTES)
     assert len(connection.get_buffer(-1)) == 300_000 - BODY_READ_BYTES
+    assert Hold.ALLOWANCE in connection.flow._holds  # so much is read of one connection in a turn
+
+
+@in_loop
+async def test_what_an_answer_takes_is_counted_until_the_client_has_taken_it() -> None:
+    connection, _, _ = opened()
+    budget = MemoryBudget(1_000)
+
+    def answered() -> None:
+        state = SimpleNamespace(at_end=[], when_sent=connection.when_sent, peer=("1.2.3.4", 1))
+        request: Any = SimpleNamespace(state=state, app=SimpleNamespace(state=SimpleNamespace(memory=budget)))
+        with patch("app.service.request_body.client_of", lambda _: "client"):
+            memory_of(request).take(400)
+        for do in state.at_end:
+            do()
+
+    answered()
+    assert budget.held == 0  # there was nothing to be sent
+    for ends in (connection.resume_writing, lambda: connection.connection_lost(None)):
+        connection.pause_writing()
+        answered()
+        assert budget.held == 400
+        ends()
+        assert budget.held == 0
 
 
 def head_of(length: int, lines: int = 1) -> bytes:

@@ -4,6 +4,7 @@ import math
 import struct
 import time
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,15 @@ from fastapi.testclient import TestClient
 from app.greeks_units import PER_DAY_PER_POINT
 from app.main import create_app
 from app.service.batch.answers import ANSWERS, ARROW, FORMS, JSON, LINES
-from app.service.batch.arrow_body import ROWS_AT_A_TIME, ArrowRows, _is_compressed, table_of
+from app.service.batch.arrow_body import ROWS_AT_A_TIME, ArrowRows, _checked, _is_compressed, table_of
 from app.service.batch.json_rows import JsonColumns, JsonLines
 from app.service.batch.json_rows import columns_of as columns_of_body
 from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_JSON_ROWS, PIECE_WEIGHT
+from app.service.batch.work import BatchWork
 from app.service.decoded_size import bytes_of_json
 from app.service.errors import DeadlineError
 from app.service.incoming_body import MOST_LINES
+from app.service.memory_budget import HeldMemory, MemoryBudget
 from app.service.work.lanes import Place
 from app.settings import Settings
 from pricing_core.american import price_many
@@ -590,7 +593,7 @@ def test_columns_are_priced_in_pieces_of_few_entries(shared: int, each: int) -> 
         columns["cash_dividends"] = [entry] * shared
     if each:
         columns["cash_dividends"] = [[entry] * each] * count
-    pieces = columns_of_body(json.dumps(columns).encode())[1]
+    pieces = columns_of_body(json.dumps(columns).encode(), bool)[1]
     counts = [rows.count for rows in pieces]
     assert sum(counts) == pieces.count == count
     assert max(counts) * (1 + shared + each) <= PIECE_WEIGHT + 1 + shared + each + 100
@@ -599,11 +602,44 @@ def test_columns_are_priced_in_pieces_of_few_entries(shared: int, each: int) -> 
 def pieces_of(columns: dict[str, Any], count: int) -> list[int]:
     """Return how many rows the pieces of a table have."""
     table = pa.table({name: pa.array(np.ones(count)) for name in BOOK if name not in columns} | columns)
-    pieces = table_of(arrow_stream(table))[1]
+    pieces = table_of(arrow_stream(table), bool)[1]
     counts = [rows.count for rows in pieces]
     assert sum(counts) == pieces.count == count
     assert min(counts) > 0
     return counts
+
+
+def test_the_interrupt_is_asked_before_each_batch_of_a_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each may have a dictionary of a million texts, which is looked at again with every one."""
+    looked_at: list[int] = []
+    checked = _checked
+    monkeypatch.setattr(
+        "app.service.batch.arrow_body._checked", lambda batch: (looked_at.append(1), checked(batch))[1]
+    )
+    rows = pa.record_batch({name: pa.array(cells) for name, cells in BOOK.items()})
+    stream = arrow_stream(pa.Table.from_batches([rows] * 40))
+    answers = iter([False] * 5 + [True] * 100)
+    with pytest.raises(DeadlineError):
+        table_of(stream, lambda: next(answers))
+    assert len(looked_at) == 5
+
+
+def test_an_answer_on_its_way_stays_counted_until_the_next_one_is() -> None:
+    budget = MemoryBudget(1_000)
+    work: Any = object.__new__(BatchWork)
+    work._memory, work._on_its_way = HeldMemory(budget, "client"), 0
+    work._answer = SimpleNamespace(add=lambda encoded, _: encoded)
+    held = []
+
+    async def sends() -> None:
+        for size in (100, 30, 7):
+            async for part in work._added(bytes(size), 1):
+                assert len(part) == size
+                held.append(budget.held)
+            held.append(budget.held)
+
+    asyncio.run(sends())
+    assert held == [100, 100, 130, 30, 37, 7]
 
 
 def in_dictionary(text: str, count: int) -> pa.Array:
@@ -682,7 +718,9 @@ def test_columns_that_would_take_more_memory_than_there_is_are_not_parsed(
     body = body_of(book, JSON)
     parsed = []
     read = columns_of_body
-    monkeypatch.setattr("app.service.batch.work.columns_of", lambda body: (parsed.append(1), read(body))[1])
+    monkeypatch.setattr(
+        "app.service.batch.work.columns_of", lambda *asked: (parsed.append(1), read(*asked))[1]
+    )
     with TestClient(create_app(Settings(slots=2, max_batch_bytes=len(body) + 1_000))) as client:
         problem = assert_problem(ask(client, body, JSON), 413, "body-too-large")
         assert "several parts" in problem["detail"]

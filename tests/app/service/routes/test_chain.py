@@ -1,3 +1,4 @@
+import json
 import time
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from fastapi.testclient import TestClient
 from app.main import create_app
 from app.service.chain.fitting import MOST_COLUMNS, MOST_QUOTES, fitted_body
 from app.service.chain.question import MOST_DIVIDENDS
+from app.service.decoded_size import bytes_of_csv, bytes_of_json, bytes_of_table
 from app.service.work.lanes import Interruption
 from app.settings import Settings
 from pricing_core.chains import fit_chain, read_chain
@@ -184,6 +186,36 @@ def test_a_wide_table_is_refused_before_it_is_made(
     if form == ARROW:
         body = stream_of(pa.table({name: pa.nulls(0) for name in names}))
     assert_problem(ask(client, body, form), 422, "invalid-input")
+
+
+def test_records_with_no_name_in_common_make_no_table(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would have as many places as the square of their number."""
+    monkeypatch.setattr("pricing_core.chains.raw_files.RawTable", pytest.fail)
+    records = json.dumps({"data": [{f"k{k}": 1} for k in range(MOST_COLUMNS + 1)]}).encode()
+    problem = assert_problem(ask(client, records, JSON), 422, "invalid-input")
+    assert problem["errors"][0]["field"] == "columns"
+    many = b'{"data": [' + b"{}," * MOST_QUOTES + b"{}]}"
+    assert_problem(ask(client, many, JSON), 413, "body-too-large")
+
+
+@pytest.mark.parametrize("form", [JSON, CSV, ARROW])
+def test_the_answer_is_counted_before_the_work(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It holds every cell, and JSON writes a control character as six."""
+    monkeypatch.setattr("app.service.chain.fitting.fit_chain", pytest.fail)
+    cells = {"note": ["\x01" * 1_000] * 100, "strike": [1.0] * 100}
+    table = pa.table(cells)
+    content = {
+        JSON: json.dumps(cells).encode(),
+        CSV: b"note,strike\n" + (b"\x01" * 1_000 + b",1\n") * 100,
+        ARROW: stream_of(table),
+    }[form]
+    counted = {JSON: bytes_of_json(content), CSV: bytes_of_csv(content), ARROW: bytes_of_table(table)}[form]
+    enough = len(content) + counted + 100_000  # of the 1,200,000 that the answer takes
+    with TestClient(create_app(Settings(slots=2, max_batch_bytes=enough))) as client:
+        assert_problem(ask(client, content, form), 413, "body-too-large")
+        assert client.app.state.memory.held == 0  # type: ignore[attr-defined]
 
 
 def test_a_chain_in_arrow_has_plain_columns(client: TestClient) -> None:

@@ -6,6 +6,7 @@ from fastapi.testclient import TestClient
 
 from app.greeks_units import PER_DAY_PER_POINT
 from app.main import create_app
+from app.service.routes.surface import BYTES_OF_POINT
 from app.settings import Settings
 from pricing_core.american import Market, Option, value_surface
 from tests.app.service.test_hostile_inputs import CANARY, assert_problem
@@ -13,6 +14,16 @@ from tests.problems.needs_kernel import needs_kernel
 
 POINTS = {"spots": [80.0, 100.0, 120.0], "times": [0.0, 0.5, 1.0]}
 MATRICES = ("value", "delta", "gamma", "theta", "vega", "multiplier", "error_estimate")
+
+
+def test_what_a_surface_takes_is_counted_before_it_is_made(
+    question: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.service.routes.surface.value_surface", pytest.fail)
+    body = {name: value for name, value in question.items() if name != "spot"}
+    with TestClient(create_app(Settings(max_batch_bytes=9 * BYTES_OF_POINT - 1))) as client:
+        assert_problem(client.post("/v1/surface", json=body | POINTS), 413, "body-too-large")
+        assert client.app.state.memory.held == 0  # type: ignore[attr-defined]
 
 
 @needs_kernel
