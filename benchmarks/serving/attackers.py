@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -23,11 +24,20 @@ HOST = "127.0.0.1"
 JSON, LINES, ARROW = "application/json", "application/x-ndjson", "application/vnd.apache.arrow.stream"
 EVERYTHING = "everything"
 MOST_BYTES = 1 << 24  # that one connection sends before it begins anew
+UNREAD_SECONDS = 8.0  # for which an answer is left unread where that is the attack
+CLIENTS = 128  # addresses from which is asked: 127.0.1.1 to 127.0.1.128
 BOOK = {"option_type": "put", "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
 PRICE = BOOK | {"spot": 100}
 # Pairs take the longest to read for each byte.
 PAYS = PRICE | {"cash_dividends": [[k, 0.01] for k in np.linspace(1e-4, 0.99, 280).round(4).tolist()]}
 Stream = Callable[[], Iterator[bytes]]
+
+
+class Shape(NamedTuple):
+    """What is sent, and whether the answer is read."""
+
+    stream: Stream
+    reads: bool = True
 
 
 def head(path: str, *lines: str, method: str = "POST") -> bytes:
@@ -81,18 +91,45 @@ def dictionaries(rows: int, length: int) -> bytes:
         name: pa.array(np.full(rows, 1, dtype=np.int8)) for name in ("spot", "strike", "expiry", "rate")
     }
     texts = pa.DictionaryArray.from_arrays(codes, pa.array(["x" * length]))
-    table = pa.table({**columns, "volatility": columns["rate"], "option_type": texts})
+    return _stream_of(pa.table({**columns, "volatility": columns["rate"], "option_type": texts}))
+
+
+def batches(count: int, texts: int) -> bytes:
+    """Return an Arrow stream of batches of one row, with large dictionaries of empty texts."""
+    one = pa.array(np.full(1, 1, dtype=np.int8))
+    columns = dict.fromkeys(("spot", "strike", "expiry", "rate", "volatility"), one)
+    codes, empty = pa.array(np.zeros(1, dtype=np.int32)), pa.array([""] * texts)
+    of_texts = pa.DictionaryArray.from_arrays(codes, empty)
+    columns |= dict.fromkeys(("option_type", "exercise", "dividend_model", "valuation_date"), of_texts)
+    rows = pa.record_batch(columns)
+    return _stream_of(pa.Table.from_batches([rows] * count))
+
+
+def control_characters(rows: int, length: int) -> bytes:
+    """Return a chain as an Arrow stream, with a long note to every quote that JSON writes at six times its length."""
+    note = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, np.int8)), pa.array(["\1" * length]))
+    cells = {"expiration": "2026-12-18", "option_type": "put", "quote_date": "2026-01-02"}
+    numbers = {"strike": 100.0, "bid": 1.0, "ask": 2.0, "underlying_price": 100.0}
+    return _stream_of(
+        pa.table({name: [cell] * rows for name, cell in (cells | numbers).items()} | {"note": note})
+    )
+
+
+def _stream_of(table: pa.Table) -> bytes:
     sink = pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, table.schema) as stream:
         stream.write_table(table)
     return sink.getvalue().to_pybytes()  # type: ignore[no-any-return]
 
 
-def shapes() -> Mapping[str, Stream]:
-    """Return the streams by name."""
+def shapes() -> Mapping[str, Shape]:
+    """Return the shapes by name."""
     get = head("/livez", method="GET")
     wide = {f"{name}": 0 for name in ("dividend_yield", "borrow_rate", "settlement_lag", "quanto_covariance")}
-    return {
+    declared = head("/v1/batch", f"Content-Type: {LINES}", "Content-Length: 67000000")
+    unread = bodies("/v1/chain?rate=0.04", ARROW, lambda: control_characters(1_020, 16_000))
+    sparse = {"data": [{f"k{k}": 1} for k in range(20_000)]}
+    read: dict[str, Stream] = {
         "tiny chunks to nowhere": chunked("/nowhere", b"1\r\n \r\n"),
         "tiny chunks of a question": chunked("/v1/price", b"1\r\n \r\n"),
         "tiny chunks of a batch": chunked("/v1/batch", b"1\r\n \r\n"),
@@ -120,11 +157,19 @@ def shapes() -> Mapping[str, Stream]:
         "cheap questions": bodies("/v1/price", JSON, lambda: json.dumps(PRICE).encode()),
         "dividends in a short body": bodies("/v1/price", JSON, lambda: json.dumps(PAYS).encode()),
         "expensive questions": bodies("/v1/implied-volatility", JSON, lambda: json.dumps(SEARCH).encode()),
+        "lines of a declared length": endless(declared, b"1\n"),
+        "records with no name in common": bodies(
+            "/v1/chain?rate=0", JSON, lambda: json.dumps(sparse).encode()
+        ),
+        "a dictionary with every batch": bodies("/v1/batch", ARROW, lambda: batches(2_000, 300_000)),
+    }
+    return {name: Shape(stream) for name, stream in read.items()} | {
+        "a long answer that is not read": Shape(unread, reads=False)
     }
 
 
-def attack(streams: Sequence[Stream], port: int, seconds: float, connections: int) -> Counter[str]:
-    """Send streams over so many connections, each begun anew with the next one when it is answered or closed."""
+def attack(attacks: Sequence[Shape], port: int, seconds: float, connections: int) -> Counter[str]:
+    """Attack over so many connections, each begun anew with the next shape when it is answered or closed."""
     end, answers = time.monotonic() + seconds, Counter[str]()
 
     def one(number: int) -> None:
@@ -132,8 +177,8 @@ def attack(streams: Sequence[Stream], port: int, seconds: float, connections: in
             if time.monotonic() >= end:
                 return
             try:
-                stream = streams[place % len(streams)]
-                answers[_exchange(stream, port, end, f"127.0.0.{2 + number % 16}")] += 1
+                shape = attacks[place % len(attacks)]
+                answers[_exchange(shape, port, end, f"127.0.1.{1 + number % CLIENTS}")] += 1
             except OSError:
                 answers["closed"] += 1
 
@@ -145,14 +190,16 @@ def attack(streams: Sequence[Stream], port: int, seconds: float, connections: in
     return answers
 
 
-def _exchange(stream: Stream, port: int, end: float, source: str) -> str:
+def _exchange(shape: Shape, port: int, end: float, source: str) -> str:
     """Send until there is an answer, or enough, and return its status."""
     with socket.create_connection((HOST, port), timeout=5.0, source_address=(source, 0)) as connection:
         connection.setblocking(False)
-        sent, waiting, parts = 0, b"", stream()
+        sent, waiting, parts = 0, b"", shape.stream()
         while time.monotonic() < end:
             try:
-                if received := connection.recv(65_536):
+                if received := connection.recv(65_536 if shape.reads else 16):
+                    if not shape.reads:
+                        time.sleep(max(0.0, min(UNREAD_SECONDS, end - time.monotonic())))
                     return received.split(b" ", 2)[1].decode("ascii", "replace")
                 return "closed"
             except BlockingIOError:

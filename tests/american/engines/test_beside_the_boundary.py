@@ -10,7 +10,7 @@ from pricing_core.american import Market, Option
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import GREEKS, error_of
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.obstacle_march import CompiledMarch
+from pricing_core.american.engines.obstacle_march import CompiledMarch, ObstacleMarch
 from pricing_core.american.engines.premium_march import PremiumMarch
 from pricing_core.american.engines.solve import solve
 from tests.problems.needs_kernel import needs_kernel
@@ -76,6 +76,13 @@ def test_a_spot_nearer_to_the_boundary_than_that_is_known_has_errors_of_its_gree
     for name in ("gamma", "vanna", "volga", "charm"):
         distance = np.abs(getattr(found, name) - getattr(true, name))
         assert np.mean((distance <= getattr(found, error_of(name)))[wrong]) > 0.95, name
+
+
+def test_the_march_in_numpy_finds_volga():
+    book = beside_the_boundary(5, 4, nearest=1e-3, furthest=3e-3, exercised=0.0)
+    one, other = PREMIUM.solve(book, asked(book, 1e-7)), ObstacleMarch().solve(book, asked(book, 1e-4))
+    assert other.volga == pytest.approx(one.volga, rel=0.1)
+    assert (np.abs(one.volga - other.volga) <= one.volga_error + other.volga_error).all()
 
 
 @pytest.mark.parametrize("name", ["gamma", "vanna", "volga"])

@@ -70,6 +70,11 @@ def _near_now(book: Book, found: ObstacleSolution) -> tuple[float, float]:
     return near, error
 
 
+def boundary_place(march: March, *, is_put: bool) -> float:
+    """Return where exercise begins now, in x, of two ends the one nearer the strike; NaN without one."""
+    return _ends(march, march.now.contacts[0], is_put=is_put)[0]
+
+
 def _pieces(book: Book, march: March | None) -> tuple[Piece, ...]:
     """Return the boundaries between the ends of segments, in the order of time."""
     if march is None:

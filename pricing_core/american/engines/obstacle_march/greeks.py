@@ -25,6 +25,7 @@ from pricing_core.american.engines.differences import (
     unchanged,
 )
 from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.obstacle_march.contact_ends import boundary_place
 from pricing_core.american.engines.obstacle_march.contract_problem import contract_problem, place_of
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.obstacle import ObstacleProblem, ObstacleSolution
@@ -39,6 +40,8 @@ SURFACE_STEP = 1e-4  # How far a surface is moved in ln S; chosen.
 VOLGA_STEP = (
     0.02  # Step of the volatility for volga, as a share of the largest one; twice that on the coarser grid.
 )
+# How far from the boundary, over how far this moves with the step, the place moves along with it; chosen.
+CROSSED = 3.0
 # Places around the spot, in coarse cells, at which two resolutions are compared: at one they may agree by chance.
 AROUND = np.array([-0.7, 0.0, 0.7])
 # Error estimates over the differences of two resolutions: of what the extrapolation improves, of rates, and of
@@ -180,16 +183,34 @@ def _second_order(book: Book, marches: list[March], place: float, request: Reque
             return None
         step = share * float(np.max(book.segments.volatility))
         vannas.append(float(_vega_tangent(book, march, x)[1, 0]))
+        bumped = [Bump(book, "volatility")(np.array([by])) for by in (step, -step)]
+        sides = [march_again(_problem(one, march), march) for one in bumped]
+        places = _beside_boundary(book, place, march, sides)
         high, low = (
-            float(_vega_tangent(bumped, march_again(_problem(bumped, march), march), x)[0, 0])
-            for bumped in (Bump(book, "volatility")(np.array([by])) for by in (step, -step))
+            float(_vega_tangent(one, side, np.array([at]))[0, 0])
+            for one, side, at in zip(bumped, sides, places, strict=True)
         )
-        volgas.append((high - low) / (2.0 * step))
+        # Along a way outside the contact set, less what the way itself adds.
+        speed = (places[0] - places[1]) / (2.0 * step)
+        volgas.append((high - low) / (2.0 * step) - vannas[-1] * speed)
     found = {}
     for name, values, scale in (("vanna", vannas, math.exp(-place)), ("volga", volgas, strike)):
         found[name] = np.array([scale * values[0]])
         found[error_of(name)] = np.array([scale * BY_PARAMETERS * abs(values[0] - values[-1])])
     return found
+
+
+def _beside_boundary(book: Book, place: float, march: March, sides: list[March]) -> list[float]:
+    """Return where to look with a higher and with a lower volatility: next to the boundary this moves along with it."""
+    is_put = book.is_put.item()
+    own, high, low = (boundary_place(one, is_put=is_put) for one in (march, *sides))
+    moves = 0.5 * (high - low)
+    along = moves if abs(place - own) < CROSSED * abs(moves) else 0.0
+    places = []
+    for side, end, at in zip(sides, (high, low), (place + along, place - along), strict=True):
+        touches = side.now.side(np.array([at]))[0] > 0 and not math.isnan(end)
+        places.append(end if touches else at)
+    return places
 
 
 def _problem(book: Book, like: March) -> ObstacleProblem:
