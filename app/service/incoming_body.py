@@ -1,6 +1,7 @@
 """A long body as it arrives: counted, held in memory that all such bodies share, read whole or line by line."""
 
 import asyncio
+from collections import deque
 from collections.abc import AsyncIterator
 
 from fastapi import Request
@@ -12,6 +13,7 @@ from app.service.work.route_limits import RouteLimits
 
 LONGEST_LINE = 1 << 20  # bytes; chosen: those of the body of a single contract by default
 LINES_AT_A_TIME, MOST_LINES = 1 << 18, 4096  # bytes and number of lines that are read together; chosen
+PART_BYTES = 1 << 16  # a shorter part is joined with the next one: each takes some memory of its own; chosen
 
 
 class IncomingBody:
@@ -27,9 +29,11 @@ class IncomingBody:
     def __init__(self, request: Request, limits: RouteLimits) -> None:
         self._request, self._limits = request, limits
         self._memory = memory_of(request)
-        self._pending = bytearray()
+        # Parts, for what is taken from the front of one long piece would have all of it copied now and then.
+        self._parts: deque[bytearray] = deque()
+        self._whole = bytearray()
         self._received = 0
-        self.lines_received = 0  # their ends
+        self.lines_received = self._lines_taken = 0  # their ends
         self._fault: Exception | None = None
         self._ended = False
         self._changed = asyncio.Event()
@@ -39,7 +43,8 @@ class IncomingBody:
     def close(self) -> None:
         """Stop reading."""
         self._task.cancel()
-        self._pending = bytearray()  # others may still look at its memory
+        self._parts.clear()
+        self._whole = bytearray()  # others may still look at its memory
 
     async def gone(self) -> None:
         """Wait until the client has closed the connection."""
@@ -53,15 +58,18 @@ class IncomingBody:
         BodyTooLargeError, BodyTimeoutError, ClientLimitError, OverloadedError, ClientDisconnect
             It never will be.
         """
-        while not self._ended:
+        while True:
+            while self._parts:
+                self._whole += self._parts.popleft()
+            if self._ended:
+                self._check()
+                return self._whole
             await self._news()
-        self._check()
-        return self._pending
 
     @property
     def has_lines(self) -> bool:
         """Whether there are whole lines that have not been taken."""
-        return b"\n" in self._pending
+        return self.lines_received > self._lines_taken
 
     async def lines(self) -> AsyncIterator[bytes]:
         """Yield the whole lines that are here, many at a time, as soon as there are any.
@@ -71,18 +79,23 @@ class IncomingBody:
         BodyTooLargeError, BodyTimeoutError, ClientLimitError, OverloadedError, ClientDisconnect
             No more will come, or a line is too long.
         """
+        pending = bytearray()
         while True:
-            end = _end_of_lines(self._pending)
+            while self._parts and (len(pending) < LINES_AT_A_TIME or _is_open(pending)):
+                pending += self._parts.popleft()
+            end = _end_of_lines(pending)
             if not end and self._ended:
                 self._check()
-                end = len(self._pending)
+                end = len(pending)
                 if not end:
                     return
-            if (end or len(self._pending)) > LONGEST_LINE and b"\n" not in self._pending[:LONGEST_LINE]:
+            if (end or len(pending)) > LONGEST_LINE and b"\n" not in pending[:LONGEST_LINE]:
                 raise BodyTooLargeError(f"a line must not be longer than {LONGEST_LINE} bytes")
             if end:
-                lines = bytes(self._pending[:end])
-                self._cut(end)
+                lines = bytes(pending[:end])
+                del pending[:end]
+                self._memory.give_back(end)
+                self._lines_taken += lines.count(b"\n")
                 yield lines
             else:
                 await self._news()
@@ -94,10 +107,6 @@ class IncomingBody:
     def _check(self) -> None:
         if self._fault is not None:
             raise self._fault
-
-    def _cut(self, count: int) -> None:
-        del self._pending[:count]
-        self._memory.give_back(count)
 
     async def _receive(self) -> None:
         try:
@@ -125,9 +134,17 @@ class IncomingBody:
         if self._received > self._limits.body_bytes:
             raise too_large(self._limits)
         self._memory.take(len(part))
-        self._pending += part
+        if self._parts and len(self._parts[-1]) < PART_BYTES:
+            self._parts[-1] += part
+        else:
+            self._parts.append(bytearray(part))
         self.lines_received += part.count(b"\n")
         return bool(message.get("more_body", False))
+
+
+def _is_open(text: bytearray) -> bool:
+    """Tell whether a text has no end of a line, and may have one."""
+    return len(text) <= LONGEST_LINE and b"\n" not in text
 
 
 def _end_of_lines(text: bytearray) -> int:

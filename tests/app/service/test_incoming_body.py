@@ -97,3 +97,43 @@ def test_lines_are_cut_between_lines_and_few_at_a_time_however_short_they_are() 
             assert full or b"\n" not in left[end:LINES_AT_A_TIME]
             del left[:end]
         assert left == b"unfinished"
+
+
+class Parts(Sender):
+    """A request whose body comes in parts of these lengths."""
+
+    def __init__(self, body: bytes, lengths: list[int]) -> None:
+        super().__init__(b"", 1 << 30)
+        self.parts = np.split(np.frombuffer(body, np.uint8), np.cumsum(lengths))
+
+    async def receive(self) -> dict[str, Any]:
+        """Return the next part, and then nothing any more."""
+        if not self.parts:
+            await asyncio.sleep(PATIENCE)
+        part = self.parts.pop(0).tobytes()
+        return {"type": "http.request", "body": part, "more_body": bool(self.parts)}
+
+
+@pytest.mark.parametrize("largest", [7, 1_000, 3 * LINES_AT_A_TIME])
+def test_a_body_is_the_same_whole_and_in_lines_however_it_arrives(largest: int) -> None:
+    rng = np.random.default_rng(largest)
+    longest = 5_000 if largest > 1_000 else 40
+    lines = [b"x" * length for length in rng.integers(0, longest, 600).tolist()]
+    body = b"\n".join(lines)
+    lengths = rng.integers(0, largest, 2 * len(body) // largest).tolist()
+    limits = RouteLimits(1 << 30, 3_600.0, 3_600.0)
+    found: list[bytes] = []
+
+    async def take_whole(incoming: IncomingBody) -> None:
+        found.append(bytes(await incoming.whole()))
+
+    async def take_lines(incoming: IncomingBody) -> None:
+        taken = [part async for part in incoming.lines()]
+        assert all(part.endswith(b"\n") for part in taken[:-1])
+        assert not incoming.has_lines
+        assert incoming._memory._budget.held == 0
+        found.append(b"".join(taken))
+
+    for how in (take_whole, take_lines):
+        read(Parts(body, lengths), limits, how)
+    assert found == [body, body]
