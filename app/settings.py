@@ -112,7 +112,7 @@ class Settings(BaseSettings):
         default=1 << 20, ge=256, le=1 << 30, description="Of a request for one contract."
     )
     max_batch_bytes: int = Field(
-        default=1 << 26, ge=256, le=1 << 30, description="Of a body of /v1/batch or /v1/chain."
+        default=3 << 24, ge=256, le=1 << 30, description="Of a body of /v1/batch or /v1/chain."
     )
     batch_deadline_seconds: float = Field(
         default=60.0,

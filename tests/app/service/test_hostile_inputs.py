@@ -410,14 +410,14 @@ def test_long_bodies_share_one_memory_and_short_ones_need_none(
     client: TestClient, question: dict[str, Any]
 ) -> None:
     memory = client.app.state.memory  # type: ignore[attr-defined]
-    memory.take("testclient", (1 << 26) - 70_000)  # of 64 MiB, as if by another request of this client
+    memory.take("testclient", (3 << 24) - 70_000)  # of 48 MiB, as if by another request of this client
     long = json.dumps(question) + 80_000 * " "
     answer = client.post("/v1/price", content=long, headers=JSON)
     assert_problem(answer, 429, "client-limit")
     assert client.post("/v1/price", json=question).status_code == 200
     memory.give_back("testclient", 20_000)
     assert client.post("/v1/price", content=long, headers=JSON).status_code == 200
-    memory.give_back("testclient", (1 << 26) - 90_000)
+    memory.give_back("testclient", (3 << 24) - 90_000)
     assert not memory._held  # all of it has been given back
 
 
