@@ -72,6 +72,23 @@ def earning_region(segment: Segment, *, is_put: bool) -> ExerciseRegion:
     return ExerciseRegion(lower, upper) if is_put else ExerciseRegion(-upper, -lower)
 
 
+def closing_times(book: Book) -> Vector:
+    """Return when waiting for the next drop begins to be worth more than exercise, at spots that hardly diffuse.
+
+    Years from now, shape (n,); NaN where that is not between now and the end of the first segment. Exercise of a put
+    earns K (1 - exp(-r t)) - S (1 - exp(-q t)) until the drop t years later, which is worth exp(-r t) times itself. Up
+    to about then the spot may be in the exercise region, which closes fast.
+    """
+    now, spot, strike = book.now, book.diffusing(), book.strike
+    drop = now.due + now.fraction * spot
+    with np.errstate(divide="ignore", invalid="ignore"):
+        about = drop / (now.rate * strike - now.dividend_yield * spot)
+        lost = strike - spot * -np.expm1(-now.dividend_yield * about)
+        waits = np.log((strike + drop) / lost) / now.rate
+        known = book.is_put & now.exercisable & (about > 0.0) & (waits > 0.0) & (waits < now.end)
+    return np.where(known, now.end - waits, math.nan)
+
+
 def limits_before_expiry(book: Book) -> Vector:
     """Return where exercise boundaries begin before expiry other than at the strike, of two the one nearer the strike.
 

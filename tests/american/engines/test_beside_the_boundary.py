@@ -78,6 +78,17 @@ def test_a_spot_nearer_to_the_boundary_than_that_is_known_has_errors_of_its_gree
         assert np.mean((distance <= getattr(found, error_of(name)))[wrong]) > 0.95, name
 
 
+@pytest.mark.parametrize("spot", [80.5, 80.7, 80.9])
+def test_a_boundary_that_falls_fast_before_a_dividend_is_resolved(spot):
+    """The region closes 0.024 years from now. The steps of a whole segment left the estimate at 2e-4 to 6e-4."""
+    market = Market(spot, 0.05, 0.15, 0.01, cash_dividends=[(0.5, 2.0)])
+    book = Book.of([(Option("put", 100.0, 0.55), market)])
+    found, fine = (MARCH.solve(book, Request(np.array([tolerance]), "none")) for tolerance in (1e-6, 1e-8))
+    assert found.error[0] <= 1e-4
+    assert abs(found.value[0] - fine.value[0]) <= found.error[0]
+    assert found.value[0] >= 100.0 - spot
+
+
 def test_the_march_in_numpy_finds_volga():
     book = beside_the_boundary(5, 4, nearest=1e-3, furthest=3e-3, exercised=0.0)
     one, other = PREMIUM.solve(book, asked(book, 1e-7)), ObstacleMarch().solve(book, asked(book, 1e-4))

@@ -8,6 +8,7 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.engines.exercise_region import (
     EMPTY_REGION,
     ExerciseRegion,
+    closing_times,
     earning_region,
     region_at_expiry,
 )
@@ -91,3 +92,25 @@ def test_a_boundary_beyond_all_money_is_none(largest):
     """Spots above 1e30 are not priced, and e to more than 709 would overflow."""
     assert math.isnan(ExerciseRegion(0.0, largest).boundaries(100.0, is_put=False)[1])
     assert math.isnan(ExerciseRegion(largest, math.inf).boundaries(100.0, is_put=False)[0])
+
+
+def test_a_region_closes_when_waiting_for_the_drop_is_worth_more():
+    """K (1 - exp(-r t)) = D exp(-r t) + S (1 - exp(-q t)) t years before the drop, ln(1 + D/K)/r without a yield."""
+    put, dividend = Option("put", 100.0, 1.0), [(0.6, 2.0)]
+    plain, paying = (
+        Book.of([(put, Market(70.0, 0.05, 0.2, dividend_yield, cash_dividends=dividend))])
+        for dividend_yield in (0.0, 0.02)
+    )
+    assert closing_times(plain)[0] == pytest.approx(0.6 - math.log(1.02) / 0.05, rel=1e-12)
+    waits = 0.6 - closing_times(paying)[0]
+    earned = 100.0 * -math.expm1(-0.05 * waits) - 70.0 * -math.expm1(-0.02 * waits)
+    assert earned == pytest.approx(2.0 * math.exp(-0.05 * waits), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("option_type", "rate", "dividend"),
+    [("call", 0.05, 2.0), ("put", 0.0, 2.0), ("put", -0.01, 2.0), ("put", 0.05, 0.0), ("put", 0.05, 5.0)],
+)
+def test_no_region_closes_where_none_was_or_nothing_is_paid_or_it_stays_closed(option_type, rate, dividend):
+    market = Market(70.0, rate, 0.2, cash_dividends=[(0.6, dividend)])
+    assert np.isnan(closing_times(Book.of([(Option(option_type, 100.0, 1.0), market)]))[0])

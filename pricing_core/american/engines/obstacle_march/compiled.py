@@ -9,10 +9,13 @@ import numpy as np
 
 from pricing_core import kernel
 from pricing_core.american.book.book import Book
+from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.prices import Prices
+from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.differences import stored
 from pricing_core.american.engines.engine import BoundariesAt, Request
+from pricing_core.american.engines.exercise_region import closing_times
 from pricing_core.american.engines.formulas import is_lognormal, may_exercise
 from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.obstacle_march.march_book import march_book
@@ -61,7 +64,24 @@ class CompiledMarch:
     def solve(self, book: Book, request: Request) -> Prices:
         """March to the tolerances, and walk back for the Greeks; of two grids the finer one's values extrapolated."""
         with np.errstate(invalid="ignore"):  # of what was not settled
-            return self._solved(book, request)
+            found = self._solved(book, request)
+            return self._where_regions_close(book, request, found)
+
+    def _where_regions_close(self, book: Book, request: Request, found: Prices) -> Prices:
+        """March puts that miss their tolerance again, with steps that begin anew where their exercise region closes.
+
+        The boundary falls so fast there that the steps of a whole segment tell their error ten times as large.
+        """
+        closes = closing_times(book)
+        missed = found.settled & (found.error > request.tolerance * book.strike)
+        rows = np.flatnonzero(missed & ~np.isnan(closes))
+        if rows.size == 0 or request.is_interrupted():
+            return found
+        part = book.take(rows)
+        cut = with_cuts(part, Ragged(np.arange(rows.size + 1), closes[rows]))
+        again = self._solved(cut, request.take(rows))
+        better = np.flatnonzero(again.settled & again.complete & (again.error < found.error[rows]))
+        return found.replaced(rows[better], again.take(better))
 
     def _solved(self, book: Book, request: Request) -> Prices:
         formula, may = is_lognormal(book), may_exercise(book)
