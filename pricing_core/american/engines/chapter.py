@@ -21,7 +21,7 @@ from pricing_core.american.engines.differences import STICKY, plan_differences, 
 from pricing_core.american.engines.engine import INTERRUPTED, Boundaries, BoundariesAt, Request
 from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.nodal_run import NodalRun, nodal_grid, nodal_run
-from pricing_core.american.engines.obstacle_march.boundaries import limit_at_expiry, quoted
+from pricing_core.american.engines.obstacle_march.boundaries import Ends, quoted
 from pricing_core.american.engines.obstacle_march.contract_problem import contract_problem, place_of
 from pricing_core.american.engines.obstacle_march.pricing import one_by_one
 from pricing_core.arrays import BoolVector, Vector
@@ -102,12 +102,9 @@ class Chapter:
             ends.append(
                 np.array([_money(book, t, run.ends.get(t, (math.nan, math.nan))) for t in times.tolist()])
             )
-        near, far, error = ends[0][:, 0], ends[0][:, 1], ERROR_SHARE * np.abs(ends[0][:, 0] - ends[1][:, 0])
-        at_expiry, limit = times >= book.expiry, limit_at_expiry(book)
-        if limit is not None and at_expiry.any():
-            near[at_expiry], far[at_expiry] = limit.boundaries(book.strike.item(), is_put=book.is_put.item())
-            error[at_expiry] = 0.0
-        return Boundaries(near, far, error, np.ones(times.size, dtype=bool))
+        (near, far), (other, _) = (each.T for each in ends)
+        found = Ends(near, far, ERROR_SHARE * np.abs(near - other)).with_limit(book, times)
+        return Boundaries(found.near, found.far, found.error, np.ones(times.size, dtype=bool))
 
     def _run(
         self, book: Book, resolution: Resolution, request: Request, times: Vector | None = None

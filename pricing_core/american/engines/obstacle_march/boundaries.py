@@ -60,6 +60,18 @@ class Ends:
             np.where(no_near, other.error, self.error),
         )
 
+    def with_limit(self, book: Book, times: Vector) -> Ends:
+        """Return these ends with the limit at expiry, where this is among the times and nothing is paid then."""
+        limit, at_expiry = limit_at_expiry(book), times >= book.expiry
+        if limit is None:
+            return self
+        near, far = limit.boundaries(book.strike.item(), is_put=book.is_put.item())
+        return Ends(
+            np.where(at_expiry, near, self.near),
+            np.where(at_expiry, far, self.far),
+            np.where(at_expiry, 0.0, self.error),
+        )
+
 
 def first_places(book: Book) -> tuple[float, ...]:
     """Return the places to look at for boundaries: the strike, and where the boundary begins before expiry."""
@@ -119,10 +131,7 @@ class BoundariesOf:
             traces = self._traces(place)
             if traces is not None:
                 best, is_solved = best.completed_by(traces.at(times)), True
-        at_expiry, limit = times >= self.book.expiry, limit_at_expiry(self.book)
-        if limit is not None and at_expiry.any():
-            near, far = limit.boundaries(self.book.strike.item(), is_put=self.book.is_put.item())
-            best.near[at_expiry], best.far[at_expiry], best.error[at_expiry] = near, far, 0.0
+        best = best.with_limit(self.book, times)
         return Boundaries(best.near, best.far, best.error, np.full(times.size, is_solved))
 
     def _traces(self, place: float) -> Traces | None:
