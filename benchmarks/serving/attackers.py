@@ -126,8 +126,8 @@ def shapes() -> Mapping[str, Shape]:
     """Return the shapes by name."""
     get = head("/livez", method="GET")
     wide = {f"{name}": 0 for name in ("dividend_yield", "borrow_rate", "settlement_lag", "quanto_covariance")}
-    declared = head("/v1/batch", f"Content-Type: {LINES}", "Content-Length: 67000000")
-    unread = bodies("/v1/chain?rate=0.04", ARROW, lambda: control_characters(1_020, 16_000))
+    declared = head("/v1/batch", f"Content-Type: {LINES}", "Content-Length: 50000000")
+    unread = bodies("/v1/chain?rate=0.04", ARROW, lambda: control_characters(150, 16_000))
     sparse = {"data": [{f"k{k}": 1} for k in range(20_000)]}
     read: dict[str, Stream] = {
         "tiny chunks to nowhere": chunked("/nowhere", b"1\r\n \r\n"),

@@ -46,11 +46,9 @@ const MOVING: Caution = Caution {
     of_value: 4.0,
     of_derivatives: 2.0,
 };
-/// Cells from the exercise boundary within which the errors of the derivatives are multiplied once more, and by what, and
-/// that of the value where something happens before expiry. Calibrated.
-const NEAR: f64 = 4.0;
-const NEAR_DERIVATIVES: f64 = 3.0;
-const NEAR_VALUE: f64 = 2.0;
+/// Cells from the exercise boundary within which all errors are multiplied once more, and by what. Calibrated.
+const NEAR: f64 = 6.0;
+const NEAR_FACTOR: f64 = 3.0;
 /// By what the error of a put's value is multiplied whose spot drops: its exercise boundary comes back from a spot of 0
 /// after each time. Calibrated.
 const RETURNING: f64 = 2.0;
@@ -241,10 +239,10 @@ impl Seen {
         (self.boundary.ln() - self.x).abs() < NEAR * self.h
     }
 
-    /// By what the errors of derivatives are multiplied.
+    /// By what the errors are multiplied.
     fn near_factor(&self) -> f64 {
         if self.is_near_boundary() {
-            NEAR_DERIVATIVES
+            NEAR_FACTOR
         } else {
             1.0
         }
@@ -450,7 +448,12 @@ impl<'a> Work<'a> {
                 let tilts = apart.windows(3).map(|three| (three[2] - three[0]).abs());
                 place.differences = [largest, place.differences[0]];
                 // The difference's slope by x, times the deviation of ln S at expiry.
-                let tilt = tilts.fold(0.0, f64::max) / (2.0 * 2.0 * own.h) * self.deviation;
+                // In contact there is no difference: next to it the slope is that of a corner, whatever is left.
+                let tilt = if own.is_near_boundary() {
+                    0.0
+                } else {
+                    tilts.fold(0.0, f64::max) / (2.0 * 2.0 * own.h) * self.deviation
+                };
                 let share = place.estimate(&own, &last, tilt, &self.contract, caution, levels);
                 place.derive(&own, &last, share, caution);
             }
@@ -509,9 +512,7 @@ impl Place {
         if drops && contract.sign > 0.0 {
             caution *= RETURNING;
         }
-        if contract.segments.len() > 1 && seen.is_near_boundary() {
-            caution *= NEAR_VALUE;
-        }
+        caution *= seen.near_factor();
         let found = &mut self.found;
         found.value = seen.value + share * (seen.value - last.value);
         let rounding = 1e-13 * found.value.abs().max(1.0);

@@ -81,7 +81,7 @@ def closing_times(book: Book) -> Vector:
     """
     now, spot, strike = book.now, book.diffusing(), book.strike
     drop = now.due + now.fraction * spot
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         about = drop / (now.rate * strike - now.dividend_yield * spot)
         lost = strike - spot * -np.expm1(-now.dividend_yield * about)
         waits = np.log((strike + drop) / lost) / now.rate
