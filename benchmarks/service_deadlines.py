@@ -23,7 +23,7 @@ from benchmarks.serving.load import ARROW, HOST, JSON, LINES, SERVE, server_proc
 
 DEADLINE = 4.0
 LIMITS = {"PRICING_BATCH_DEADLINE_SECONDS": str(DEADLINE)}
-MOST_BYTES = 60 << 20
+MOST_BYTES = 45 << 20
 FORMS = (JSON, LINES, ARROW)
 KNOWN = ("dividend_yield", "borrow_rate", "settlement_lag", "quanto_covariance")
 MOST_PARTS = 2_000_000  # of all rows' dividends, so that making a body takes seconds
