@@ -200,6 +200,14 @@ def test_records_with_no_name_in_common_make_no_table(
     assert_problem(ask(client, many, JSON), 413, "body-too-large")
 
 
+def test_the_places_of_a_sparse_table_are_counted_before_it_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pricing_core.chains.raw_files.RawTable", pytest.fail)
+    content = json.dumps({"data": [{f"k{k % MOST_COLUMNS}": 1} for k in range(5_000)]}).encode()
+    enough = len(content) + bytes_of_json(content) + 1_000_000  # of the 16,000,000 that the places take
+    with TestClient(create_app(Settings(slots=2, max_batch_bytes=enough))) as client:
+        assert_problem(ask(client, content, JSON), 413, "body-too-large")
+
+
 @pytest.mark.parametrize("form", [JSON, CSV, ARROW])
 def test_the_answer_is_counted_before_the_work(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """It holds every cell, and JSON writes a control character as six."""
