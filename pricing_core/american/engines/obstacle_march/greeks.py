@@ -46,7 +46,7 @@ CROSSED = 3.0
 AROUND = np.array([-0.7, 0.0, 0.7])
 # Error estimates over the differences of two resolutions: of what the extrapolation improves, of rates, and of
 # first and second derivatives by parameters; calibrated.
-BY_PLACE, BY_TIME, BY_PARAMETER, BY_PARAMETERS = 1.0, 2.0, 2.5, 4.0
+BY_PLACE, BY_TIME, BY_PARAMETER, BY_PARAMETERS = 1.0, 2.0, 2.5, 6.0
 
 
 def by_place_and_time(book: Book, found: ObstacleSolution, *, extended: bool) -> dict[str, Any]:
