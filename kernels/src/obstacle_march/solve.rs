@@ -48,7 +48,7 @@ const MOVING: Caution = Caution {
 };
 /// Cells from the exercise boundary within which all errors are multiplied once more, and by what. Calibrated.
 const NEAR: f64 = 6.0;
-const NEAR_FACTOR: f64 = 3.0;
+const NEAR_FACTOR: f64 = 4.0;
 /// By what the error of a put's value is multiplied whose spot drops: its exercise boundary comes back from a spot of 0
 /// after each time. Calibrated.
 const RETURNING: f64 = 2.0;
