@@ -20,11 +20,11 @@ from app.service.reading import Hold, Reading
 # Bytes that are read in one turn: of six-byte chunks, which take the parser longest, those are 2,730, about 1 ms.
 READ_BYTES = 1 << 14
 BODY_READ_BYTES = 1 << 18  # of a body whose length is known, or of what is thrown away
-# A piece is what takes about .3 us: a call of the parser, 32 bytes that it reads for itself, 256 of a body. A header
-# is two, a read as many as the event loop takes for it, and a request as many as a tenth of what its way to an answer
-# takes. Of what is thrown away 256 bytes are one as well.
+# A piece is what takes about .3 us: a call of the parser, 32 bytes that it reads for itself, 256 of a body or of what
+# is thrown away. A header is two, a read as many as the event loop takes for it, and a request as many as a tenth of
+# what its way to an answer takes.
 READ_PIECES, HEADER_PIECES, REQUEST_PIECES = 60, 2, 100
-PARSED_BYTES, BODY_BYTES, THROWN_BYTES = 1 << 5, 1 << 8, 1 << 8
+PARSED_BYTES, BODY_BYTES = 1 << 5, 1 << 8
 # What one connection may take: at most 8 % of the event loop's time. Chosen: 1,400 small requests a second are 250,000.
 PIECES_A_SECOND, MOST_PIECES = 250_000, 10_000
 # In which a client that still sends can read why nothing of it is wanted any more; chosen.
@@ -102,7 +102,7 @@ class BoundedProtocol(HttpToolsProtocol, asyncio.BufferedProtocol):
         self._unset_keepalive_if_required()
         self.pieces = READ_PIECES
         if self._lingering:
-            self.pieces += nbytes // THROWN_BYTES
+            self.pieces += nbytes // BODY_BYTES
             self._thrown_away += nbytes
             if self._thrown_away > self.longest_body:
                 self.transport.close()

@@ -415,6 +415,16 @@ impl<'a> Work<'a> {
         contracts
     }
 
+    /// 1 and -1 of the last two contracts, which have higher and lower volatilities; None of the others.
+    fn side(&self, contract: usize) -> Option<f64> {
+        let others = 1 + usize::from(self.is_held());
+        self.sides.as_ref()?;
+        match contract.checked_sub(others)? {
+            0 => Some(1.0),
+            _ => Some(-1.0),
+        }
+    }
+
     /// Take in what the marches on the next grid say at each place; return whether they were the last.
     fn take(&mut self, seen: Vec<Vec<Seen>>) -> bool {
         let cells = self.cells;
@@ -597,16 +607,6 @@ impl Place {
         self.held = Some(seen);
     }
 
-    /// Where a contract is looked at, `number` of `count`: at the place, and with other volatilities moved along with the
-    /// boundary.
-    fn looked_at(&self, number: usize, count: usize) -> f64 {
-        match count - number {
-            2 => self.x + self.along,
-            1 => self.x - self.along,
-            _ => self.x,
-        }
-    }
-
     /// Tell the derivatives in which the volatility takes part, of one that changes everywhere alike.
     ///
     /// V is smooth in the volatility along a way x(sigma) that stays outside the contact set: what changes along it less
@@ -743,14 +743,11 @@ fn march_level(
                 .zip(&mut marched)
                 .map(|(job, marched)| {
                     let (contract, work) = (chosen(job), &works[open[job.work]]);
-                    let count = contracts[job.work].len();
-                    let is_side = work.sides.is_some() && job.contract + 2 >= count;
-                    let looked = work.places.iter().map(|place| {
-                        if is_side {
-                            let x = place.looked_at(job.contract, count);
-                            Seen::beside_contact(marched, &contract, x)
-                        } else {
-                            Seen::of(marched, &contract, place.x)
+                    let side = work.side(job.contract);
+                    let looked = work.places.iter().map(|place| match side {
+                        None => Seen::of(marched, &contract, place.x),
+                        Some(up) => {
+                            Seen::beside_contact(marched, &contract, place.x + up * place.along)
                         }
                     });
                     looked.collect()

@@ -371,15 +371,16 @@ impl Row {
         if greeks != Greeks::None {
             let by_parameters = [4, 5, 6].map(|at| scale * found.values[at]);
             numbers[UNASKED..11].copy_from_slice(&self.by_parameters(by_parameters));
-            let errors = self.errors(found);
+            let beside = self.beside_boundary(found);
+            let errors = self.errors(found, &beside);
             numbers[11..13].copy_from_slice(&errors[..2]);
             let by_others = larger(theta[1].abs() * errors[0], theta[2].abs() * errors[1]);
             let terms = larger(theta[0].abs() * error, by_others);
             numbers[13] = terms;
             numbers[14..STANDARD].copy_from_slice(&errors[2..]);
-        }
-        if greeks == Greeks::Extended {
-            numbers[STANDARD..].copy_from_slice(&self.second_order(found));
+            if greeks == Greeks::Extended {
+                numbers[STANDARD..].copy_from_slice(&self.second_order(found, &beside));
+            }
         }
         if found.exercised {
             numbers[0] = self.payoff();
@@ -424,11 +425,10 @@ impl Row {
     }
 
     /// The errors of delta, gamma, vega, rho and dividend rho.
-    fn errors(&self, found: &Found) -> [f64; 5] {
+    fn errors(&self, found: &Found, beside: &BesideBoundary) -> [f64; 5] {
         let scale = self.scale();
         let spread = self.volatility * self.root;
         let value = scale * (found.error + ROUNDING);
-        let beside = self.beside_boundary(found);
         let [by_x, by_xx, parameters @ ..]: [f64; 5] = std::array::from_fn(|k| {
             let over_spread = value / spread;
             let (of_value, of_boundary) = if OVER_SQUARE[k] {
@@ -464,7 +464,7 @@ impl Row {
     /// Vanna, volga and charm, and their errors.
     ///
     /// A call's delta is v - `v_x`, v being the put with spot and strike exchanged, and x its ln(K/S).
-    fn second_order(&self, found: &Found) -> [f64; 6] {
+    fn second_order(&self, found: &Found, beside: &BesideBoundary) -> [f64; 6] {
         let (scale, spread) = (self.scale(), self.volatility * self.root);
         let value = found.error + ROUNDING;
         let aging = self.aging();
@@ -482,7 +482,6 @@ impl Row {
         } else {
             found.second_changes[3].abs()
         };
-        let beside = self.beside_boundary(found);
         let errors = [
             (OF_CROSS_CHANGES * of_delta(by_volatility, changes, changes_by_x)).abs()
                 + OF_CROSS_VALUES[0] * self.root * value / spread.powi(2) / self.spot,

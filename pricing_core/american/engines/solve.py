@@ -232,10 +232,10 @@ def _with_greeks_of_payoffs(book: Book, best: Prices, request: Request) -> Price
     """
     if request.greeks == "none":
         return best
-    exercised = best.exercised & ~(np.abs(book.spot - best.boundary) <= best.boundary_error)
     expired = book.expiry == 0.0
     if not some(best.exercised | expired):
         return best
+    exercised = best.exercised & ~(np.abs(book.spot - best.boundary) <= best.boundary_error)
     columns: dict[str, Any] = {}
     if request.greeks == "extended":
         columns["charm"] = np.where(best.exercised | expired, 0.0, best.charm)

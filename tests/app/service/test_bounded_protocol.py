@@ -23,7 +23,6 @@ from app.service.bounded_protocol import (
     READ_BYTES,
     READ_PIECES,
     REQUEST_PIECES,
-    THROWN_BYTES,
 )
 from app.service.connections import BoundedConnection, reserve_descriptors
 from app.service.envelope import Envelope
@@ -209,7 +208,7 @@ async def test_a_read_is_charged_for_headers_head_body_framing_and_what_is_throw
     assert connection.pieces == READ_PIECES + 4_000 // PARSED_BYTES
     connection, _, _ = await fed_with(CHUNKED, Refuser(Settings()))
     feed(connection, b" " * 10_240)
-    assert connection.pieces == READ_PIECES + 10_240 // THROWN_BYTES
+    assert connection.pieces == READ_PIECES + 10_240 // BODY_BYTES
 
 
 @in_loop
@@ -452,7 +451,7 @@ def test_a_refusal_ends_the_parsing_and_says_so(framing: bytes, monkeypatch: pyt
         sent = 0
         while not transport.is_closed and sent <= 2 * connection.longest_body:
             sent += feed(connection, TINY * 50_000)
-            assert connection.pieces <= READ_PIECES + BODY_READ_BYTES // THROWN_BYTES
+            assert connection.pieces <= READ_PIECES + BODY_READ_BYTES // BODY_BYTES
         assert sent <= connection.longest_body + BODY_READ_BYTES
         assert statuses(transport) == [b"404"]
 
@@ -476,7 +475,7 @@ async def test_an_answer_before_the_end_of_the_body_ends_the_parsing_even_where_
     connection, transport, _ = await fed_with(CHUNKED, Hasty(Settings()))
     assert transport.has_ended
     feed(connection, TINY * 100)
-    assert connection.pieces <= READ_PIECES + 100 * len(TINY) // THROWN_BYTES
+    assert connection.pieces <= READ_PIECES + 100 * len(TINY) // BODY_BYTES
 
 
 @in_loop

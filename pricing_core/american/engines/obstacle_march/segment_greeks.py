@@ -33,7 +33,7 @@ BY_X, BY_X_TWICE, RATE_OF_CHANGE, RATE_BY_X, VOLATILITY_AND_X, VOLATILITY_TWICE,
 NEXT_TO_NOTHING = 1e-9
 # The error of a Greek by a parameter over its change, and over what the changes of the derivatives by x tell of it: a
 # change at one place may vanish by chance. 99.5 % of random contracts hold; calibrated.
-CHANGE_SHARE, FLAT_SHARE, VANNA_SHARE = 1.5, 2.0, 2.0
+CHANGE_SHARE, FLAT_SHARE = 1.5, 2.0
 # How far ln of the boundary moves with the standard deviation of ln S at expiry, at most; measured on random contracts.
 BOUNDARY_SPEED = 2.3
 BY_RATES, BY_VOLATILITY, BY_DIVIDEND, OF_VANNA, OF_VOLGA = 6.0, 1.0, 5.0, 2.5, 120.0
@@ -131,7 +131,7 @@ def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Colu
         speed = BOUNDARY_SPEED * np.sqrt(book.expiry)
         jump = found.local[:, JUMP] * speed
         columns["vanna"] = vanna / spot
-        columns["vanna_error"] = (np.maximum(VANNA_SHARE * vanna_change, of_vanna) + jump) / spot
+        columns["vanna_error"] = (np.maximum(FLAT_SHARE * vanna_change, of_vanna) + jump) / spot
         columns["volga"] = book.strike * volga
         volga_error = np.maximum(FLAT_SHARE * volga_change, of_volga) + jump * speed
         columns["volga_error"] = book.strike * volga_error

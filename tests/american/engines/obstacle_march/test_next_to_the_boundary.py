@@ -99,7 +99,7 @@ def test_prices_and_greeks_lie_within_their_estimates(tolerance, seed):
             ratios.extend((np.abs(getattr(found, name) - getattr(true, name)) / claimed)[held].tolist())
     together = np.concatenate([*missed.values()])
     assert together.size > 700
-    assert (np.array(missed["value"]) <= 1.0).mean() >= 0.98  # two of some hundred
+    assert (np.array(missed["value"]) <= 1.0).mean() >= 0.99
     assert (together <= 1.0).mean() >= 0.99
     assert together.max() <= 7.0, {name: max(own) for name, own in missed.items()}
 
