@@ -133,14 +133,15 @@ def _reach(problem: ObstacleProblem, at: Vector) -> tuple[float, float, float]:
         for end, sign in zip(problem.interval, (-1, 1), strict=True)
     ]
     low, high, variance = float(at.min()), float(at.max()), 0.0
+    pieces = TIMES if callable(volatility.given) or callable(drift.given) else 1
     for start, end in reversed(problem.segments):
         duration = end - start
-        for t in start + duration * (np.arange(TIMES) + 0.5) / TIMES:
+        for t in start + duration * (np.arange(pieces) + 0.5) / pieces:
             spread = 2.0 * math.sqrt(variance)
             places = np.linspace(max(low - spread, ends[0]), min(high + spread, ends[1]), PLACES)
-            variance += duration / TIMES * float(np.mean(volatility(places, t) ** 2))
+            variance += duration / pieces * float(np.mean(volatility(places, t) ** 2))
             reached = np.clip(np.array([low, high]), ends[0], ends[1])
-            low, high = (reached + duration / TIMES * drift(reached, t)).tolist()
+            low, high = (reached + duration / pieces * drift(reached, t)).tolist()
             low, high = min(low, float(at.min())), max(high, float(at.max()))
         for event in problem.at_event(end):
             move, _ = event.functions

@@ -235,11 +235,10 @@ def time_mesh(segment: Segment) -> Mesh:
     breaks = [time for time in segment.problem.diffusion.breaks if segment.start < time < segment.end]
     times, diffused, first = _clock(segment, breaks)
     middle = float(segment.grid.place(np.array([0.5 * (segment.grid.x.size - 1)]))[0])
-    turns = 0
-    # The number doubles from grid to grid in any case, so that their difference shows it.
-    if not segment.is_constant:
-        turns = max(1, _turns(segment.problem, segment.start, segment.end, middle))
-    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * max(turns, 1))
+    turns = 0 if segment.is_constant else _turns(segment.problem, segment.start, segment.end, middle)
+    # The number doubles from grid to grid where coefficients rise and fall, so that their difference shows it. Elsewhere
+    # it does not have to: first steps shorter than the grid resolves cost two digits.
+    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * turns)
     passed = np.interp(-np.array(breaks[::-1]), -times, diffused) / diffused[-1]
     roots = _roots(steps, segment.grid.refined, np.sqrt(passed).tolist())
     ends = np.interp(diffused[-1] * roots**2, diffused, times)

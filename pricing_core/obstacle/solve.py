@@ -193,6 +193,7 @@ class Levels:
         peclet = np.median(np.abs(fine.parts[-1].instants[-1].moment.scheme.peclet))
         error = np.maximum(last * rest, before) * max(1.0, float(peclet)) ** 2 + rounding + self.left_out
         worse = ~(error <= MUCH_WORSE * self.error_estimate) & ~np.isnan(self.error_estimate)
+        worse &= len(differences) > 2  # noqa: PLR2004  an estimate of one difference alone is not kept
         self.derivatives = np.where(worse, self.derivatives, extrapolated)
         self.error_estimate = np.where(worse, self.error_estimate, error)
 
