@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -9,10 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pricing_core.arrays import Vector
+from pricing_core.march_settings import MOST_COARSE_CELLS
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
+NARROWEST = 0.6  # cell over the mean one, and the mean over the widest; a spline through uneven ones turns back
+MORE = 1.15  # cells from one attempt to the next
 NEWTON_STEPS = 3  # from the table's place to that of the map: each doubles the digits
 TABLE = 8  # points of the table for each cell of the coarsest grid
 
@@ -70,14 +74,33 @@ def _table(of: GridMap) -> tuple[Vector, Vector]:
 def grid_map(left: float, right: float, cells: int, on_nodes: Vector, fixed: tuple[bool, bool]) -> GridMap:
     """Return a map of [left, right] with given places on whole numbers.
 
+    It has more cells where so few would have to be of very different widths. Where the most cells still have, they are
+    even, with none of the places on a node.
+
     Parameters
     ----------
+    cells : int
+        At least so many; even.
     on_nodes : Vector, shape (k,)
         Places inside the interval in order. One that lies nearer than a cell to another, or to an end that is fixed,
         is left out.
     fixed : (bool, bool)
         Whether the left and the right end may not be moved; the others move by up to half a cell.
     """
+    while True:
+        found = _through(left, right, cells, on_nodes, fixed)
+        if found.spline is None:
+            return found
+        widths = np.diff(_table(found)[1]) * TABLE / found.size
+        if widths.min() >= NARROWEST and widths.max() <= 1.0 / NARROWEST:
+            return found
+        if cells >= MOST_COARSE_CELLS:
+            return GridMap(left, right, cells)
+        cells = min(2 * math.ceil(MORE * cells / 2.0), MOST_COARSE_CELLS)
+
+
+def _through(left: float, right: float, cells: int, on_nodes: Vector, fixed: tuple[bool, bool]) -> GridMap:
+    """Return a smooth map through the places, at the whole numbers nearest to where an even map has them."""
     size = (right - left) / cells
     places, numbers = [left], [0]
     for place in on_nodes:

@@ -12,7 +12,7 @@ from pricing_core.errors import InvalidInputError, Told
 from pricing_core.march_settings import CELLS, LEAST_CELLS, MOST_COARSE_CELLS, WIDTH
 from pricing_core.obstacle.ends import Held, measure
 from pricing_core.obstacle.grid import GridMap, grid_map
-from pricing_core.obstacle.moment import holds_in_a_point
+from pricing_core.obstacle.moment import holding_jump
 from pricing_core.obstacle.problem import ObstacleProblem
 
 LARGEST_EXPONENT = 600.0  # Largest x of an end behind which V goes on as e^x, which overflows at 709; chosen.
@@ -166,7 +166,7 @@ def _holding_kinks(problem: ObstacleProblem, left: float, right: float) -> Vecto
             if (
                 not function.has_t
                 and left < kink < right
-                and holds_in_a_point(obstacle, sign, kink, width, t)
+                and holding_jump(obstacle, sign, kink, width, t) > 0.0
             ):
                 found.append(float(kink))
     return np.unique(found)

@@ -105,6 +105,16 @@ class SegmentMarch:
             for (late, early), step in zip(pairwise(ends), self.steps, strict=True)
         ]
 
+    @property
+    def pins_on_the_way(self) -> bool:
+        """Whether V comes to a kink that holds it, or leaves it: its rate of change jumps there, within a step."""
+        pinned = []
+        for instant in self.instants:
+            contact = instant.moment.contact
+            at_lower, at_upper = contact.touching(instant.values.value[1:-1])
+            pinned.append(contact.right_angle & (at_lower | at_upper))
+        return any((one != other).any() for one, other in pairwise(pinned))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class March:
@@ -238,7 +248,7 @@ def time_mesh(segment: Segment) -> Mesh:
     turns = 0 if segment.is_constant else _turns(segment.problem, segment.start, segment.end, middle)
     # The number doubles from grid to grid where coefficients rise and fall, so that their difference shows it. Elsewhere
     # it does not have to: first steps shorter than the grid resolves cost two digits.
-    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * turns)
+    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * max(turns, _growth(segment)))
     passed = np.interp(-np.array(breaks[::-1]), -times, diffused) / diffused[-1]
     roots = _roots(steps, segment.grid.refined, np.sqrt(passed).tolist())
     ends = np.interp(diffused[-1] * roots**2, diffused, times)
@@ -325,6 +335,12 @@ def _turns(problem: ObstacleProblem, start: float, end: float, x: float) -> int:
             rises = change[np.abs(change) > ROUNDING * np.abs(values).max()] > 0.0
             turns += int(np.count_nonzero(rises[1:] != rises[:-1]))
     return turns
+
+
+def _growth(segment: Segment) -> int:
+    """Return by how many powers of e values may grow in a segment: the stage matrix needs 1 + a r > 0."""
+    rate = segment.at(0.5 * (segment.start + segment.end)).rate
+    return int(max(-float(rate.min()), 0.0) * segment.duration)
 
 
 def _diffusion(segment: Segment, t: float, may_touch: BoolVector) -> float:

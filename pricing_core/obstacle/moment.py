@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
@@ -99,6 +100,8 @@ class Segment:
         Years from now.
     complementarity : {"averaged", "right-angle"}
         The averaged function; or at every node the right angle 0 <= u _|_ V - lower >= 0 itself, as in (11.65).
+    off_nodes : float
+        What may be missed where a kink that can hold V lies between nodes: the jump of its slope times the cell, money.
     """
 
     problem: ObstacleProblem
@@ -107,6 +110,7 @@ class Segment:
     end: float
     complementarity: Complementarity = "averaged"
     acting: tuple[Obstacle | None, Obstacle | None] = field(init=False)
+    off_nodes: float = field(init=False, default=0.0)
     _known: Moment | None = field(init=False, default=None)
     _known_kinks: dict[float, tuple[BoolVector, BoolVector]] = field(init=False, default_factory=dict)
 
@@ -245,25 +249,39 @@ class Segment:
         return self._known_kinks[sign]
 
     def _kinks(self, obstacle: Obstacle, sign: float, t: float) -> tuple[BoolVector, BoolVector]:
-        """Return which nodes lie on a kink, and which of them on one that can hold V in a point."""
+        """Return which nodes lie on a kink, and which next to one that can hold V in a point, or on it.
+
+        Where no node lies on such a kink, as on one that moves, the two next to it have the right angle: of first order.
+        """
         on_kink, holding = (np.zeros(self.grid.x.size, dtype=bool) for _ in range(2))
         for kink in obstacle.kinks_at(t):
             index = float(self.grid.index(np.array([kink]))[0])
             node = round(index)
-            if 0 < node < self.grid.x.size - 1 and abs(index - node) < ON_NODE:
-                on_kink[node] = True
-                holding[node] = holds_in_a_point(obstacle, sign, kink, float(self.grid.slope[node]), t)
+            if not 0 < node < self.grid.x.size - 1:
+                continue
+            is_on = abs(index - node) < ON_NODE
+            on_kink[node] |= is_on
+            width = float(self.grid.slope[node])
+            jump = holding_jump(obstacle, sign, kink, width, t)
+            if jump > 0.0:
+                holding[[node] if is_on else [math.floor(index), math.ceil(index)]] = True
+            if not is_on:
+                self.off_nodes = max(self.off_nodes, jump * width)
         return on_kink, holding
 
 
-def holds_in_a_point(obstacle: Obstacle, sign: float, kink: float, width: float, t: float) -> bool:
-    """Tell whether the slope falls at a kink of a lower obstacle (sign 1), or rises at one of an upper (-1)."""
+def holding_jump(obstacle: Obstacle, sign: float, kink: float, width: float, t: float) -> float:
+    """Return by how much the slope falls at a kink of a lower obstacle (sign 1), or rises at one of an upper (-1).
+
+    It is 0 where the kink cannot hold V in a point.
+    """
     step = PLACE_STEP * width
     g = obstacle(kink + step * np.arange(-2.0, 3.0), t)
     slope_before = (3.0 * g[2] - 4.0 * g[1] + g[0]) / (2.0 * step)
     slope_after = (-3.0 * g[2] + 4.0 * g[3] - g[4]) / (2.0 * step)
     size = float(np.abs(g).max()) / step
-    return bool(sign * (slope_after - slope_before) < -ROUNDING * size)
+    jump = float(sign * (slope_before - slope_after))
+    return jump if jump > ROUNDING * size else 0.0
 
 
 def _end_rule(end: End | float, x: Vector, t: float, low: float, high: float) -> EndRule:

@@ -180,18 +180,22 @@ class Levels:
         ratio = np.full(last.shape, 0.5)
         if len(differences) > 1:
             ratio = np.clip(last / np.where(differences[-2] > 0.0, differences[-2], 1.0), 0.0, SLOWEST)
-        falls = ratio <= STEEP
+        # A step in which V comes to a kink that holds it has an error of second order, of either sign.
+        is_regular = not any(part.pins_on_the_way for part in fine.parts)
+        falls = (ratio <= STEEP) & is_regular
         change = fine_values - coarse.now.derivatives(self.at)
         extrapolated = np.where(falls, fine_values + change / (GAIN - 1.0), fine_values)
         crossed = fine.now.side(self.at) != coarse.now.side(self.at)  # the end of a contact set
         extrapolated[1:, crossed] = fine_values[1:, crossed]
         geometric, third = ratio / (1.0 - ratio), 1.0 / (GAIN - 1.0)
         rest = np.where(falls, np.maximum(third, MARGIN * (geometric - third)), geometric)
+        rest = rest if is_regular else np.maximum(rest, 1.0)
         rounding = 1e-13 * np.maximum(1.0, np.abs(fine_values[0]))
         before = differences[-2] / PESSIMISM if len(differences) > 1 else 0.0
         # Where a cell's drift is more than its diffusion the order is not seen yet.
         peclet = np.median(np.abs(fine.parts[-1].instants[-1].moment.scheme.peclet))
         error = np.maximum(last * rest, before) * max(1.0, float(peclet)) ** 2 + rounding + self.left_out
+        error = error + max(part.segment.off_nodes for part in fine.parts)
         worse = ~(error <= MUCH_WORSE * self.error_estimate) & ~np.isnan(self.error_estimate)
         worse &= len(differences) > 2  # noqa: PLR2004  an estimate of one difference alone is not kept
         self.derivatives = np.where(worse, self.derivatives, extrapolated)
