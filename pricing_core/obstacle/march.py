@@ -246,8 +246,8 @@ def time_mesh(segment: Segment) -> Mesh:
     times, diffused, first = _clock(segment, breaks)
     middle = float(segment.grid.place(np.array([0.5 * (segment.grid.x.size - 1)]))[0])
     turns = 0 if segment.is_constant else _turns(segment.problem, segment.start, segment.end, middle)
-    # The number doubles from grid to grid where coefficients rise and fall, so that their difference shows it. Elsewhere
-    # it does not have to: first steps shorter than the grid resolves cost two digits.
+    # The number doubles from grid to grid where coefficients rise and fall, so that their difference shows it.
+    # Elsewhere it does not have to: first steps shorter than the grid resolves cost two digits.
     steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * max(turns, _growth(segment)))
     passed = np.interp(-np.array(breaks[::-1]), -times, diffused) / diffused[-1]
     roots = _roots(steps, segment.grid.refined, np.sqrt(passed).tolist())

@@ -251,7 +251,8 @@ class Segment:
     def _kinks(self, obstacle: Obstacle, sign: float, t: float) -> tuple[BoolVector, BoolVector]:
         """Return which nodes lie on a kink, and which next to one that can hold V in a point, or on it.
 
-        Where no node lies on such a kink, as on one that moves, the two next to it have the right angle: of first order.
+        Where no node lies on such a kink, as on one that moves, the two next to it have the right angle, which is of
+        first order.
         """
         on_kink, holding = (np.zeros(self.grid.x.size, dtype=bool) for _ in range(2))
         for kink in obstacle.kinks_at(t):

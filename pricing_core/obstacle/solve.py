@@ -197,7 +197,7 @@ class Levels:
         error = np.maximum(last * rest, before) * max(1.0, float(peclet)) ** 2 + rounding + self.left_out
         error = error + max(part.segment.off_nodes for part in fine.parts)
         worse = ~(error <= MUCH_WORSE * self.error_estimate) & ~np.isnan(self.error_estimate)
-        worse &= len(differences) > 2  # noqa: PLR2004  an estimate of one difference alone is not kept
+        worse &= len(differences) > 2  # an estimate of one difference alone is not kept
         self.derivatives = np.where(worse, self.derivatives, extrapolated)
         self.error_estimate = np.where(worse, self.error_estimate, error)
 
