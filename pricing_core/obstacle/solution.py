@@ -24,6 +24,7 @@ from pricing_core.obstacle.tangent import tangent
 
 # By how much of a direction the problem is changed for a second derivative.
 SECOND_DIFFERENCE = 1e-3
+SECOND_ORDER = 4.0  # what the error of a derivative falls by at least from a grid to the next
 Status: TypeAlias = Literal["ok", "tolerance_not_met", "deadline"]
 
 
@@ -72,8 +73,8 @@ class ObstacleSolution:
         V, the estimate of its error, V_x and V_xx: money, money, money per x, per x^2. One-sided where a place lies on
         the end of a contact set.
     status : {"ok", "tolerance_not_met", "deadline"}
-    march, coarse : March or None
-        The values on the finest grid and on the one before; None where they were not finished.
+    march, coarse, coarsest : March or None
+        The values on the finest grid and on the two before; None where they were not finished.
     """
 
     problem: ObstacleProblem
@@ -85,6 +86,7 @@ class ObstacleSolution:
     status: Status
     march: March | None
     coarse: March | None
+    coarsest: March | None
     _walks: list[Walk] = field(init=False, repr=False, default_factory=list)
 
     def contact(self, t: float) -> Intervals:
@@ -120,7 +122,7 @@ class ObstacleSolution:
     def derivative(self, **direction: Any) -> ObstacleDerivative:
         """Return the derivative of the value in a direction, by the transposed march.
 
-        The first call walks back from each place once, on the two finest grids; the others use what that has left.
+        The first call walks back from each place once, on the three finest grids; the others use what that has left.
 
         Parameters
         ----------
@@ -134,7 +136,8 @@ class ObstacleSolution:
         Returns
         -------
         ObstacleDerivative
-            The estimate is the difference of the two grids: the derivative converges with at least the second order.
+            The derivative converges with at least the second order, so that the estimate is the difference of the two
+            finest grids, or a quarter of that before where the last one is small by chance.
 
         Raises
         ------
@@ -176,7 +179,7 @@ class ObstacleSolution:
         """Return the second derivative of the value in two directions, each as the arguments of `derivative` by name.
 
         It is the central difference of tangents of two marches on each grid, changed by a thousandth of `second`, and
-        by two on the coarser one, so that the estimate sees this as well. A node that enters a contact set is a kink of
+        by twice that on each coarser one, so that the estimate sees this as well. A node that enters a contact set is a kink of
         the first derivative, so that the second is a mean over some of them, and of lower order than the others.
 
         Raises
@@ -187,7 +190,8 @@ class ObstacleSolution:
         for direction in (first, second):
             _check_direction(direction)
         found = []
-        for own, size in zip(self._marches, (SECOND_DIFFERENCE, 2.0 * SECOND_DIFFERENCE), strict=False):
+        for k, own in enumerate(self._marches):
+            size = 2.0**k * SECOND_DIFFERENCE
             high, low = (
                 tangent(march_again(problem, own), neighbours(problem, first), self._places)[0]
                 for problem in neighbours(self.problem, second, size).both
@@ -202,12 +206,13 @@ class ObstacleSolution:
 
     @property
     def _marches(self) -> list[March]:
-        """The finest grid's march, and that of the one before."""
-        return [self._march, *([] if self.coarse is None else [self.coarse])]
+        """The marches on the finest grids, the finest first."""
+        return [self._march, *(march for march in (self.coarse, self.coarsest) if march is not None)]
 
     def _with_errors(self, found: Matrix) -> tuple[Any, Any]:
-        """Return what the finest grid tells of (grids, m), and how the other one differs; NaN where there is none."""
-        error = np.abs(found[0] - found[-1]) if len(found) > 1 else np.full(found.shape[1], np.nan)
+        """Return what the finest grid tells of (grids, m), and how the others differ; NaN where there is none."""
+        changes = np.abs(np.diff(found, axis=0)) * SECOND_ORDER ** -np.arange(len(found) - 1.0)[:, None]
+        error = changes.max(axis=0) if changes.size else np.full(found.shape[1], np.nan)
         return (found[0], error) if np.ndim(self.at) else (float(found[0, 0]), float(error[0]))
 
     @property
