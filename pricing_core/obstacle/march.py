@@ -31,6 +31,7 @@ from pricing_core.obstacle.transfer import Known, Start, before, payoff_of
 from pricing_core.stepping import ESDIRK3, SDIRK3, Tableau
 from pricing_core.stepping.implicit import take_step
 
+UNRESOLVED = 0.2  # of a kink's error that a polynomial over a cell may leave; calibrated
 MOST_STEPS = 1e7  # Largest number of steps of a segment; chosen.
 Mesh: TypeAlias = list[tuple[float, float, bool]]
 
@@ -104,6 +105,24 @@ class SegmentMarch:
             (early, late, step.tableau is ESDIRK3)
             for (late, early), step in zip(pairwise(ends), self.steps, strict=True)
         ]
+
+    @property
+    def unresolved(self) -> float:
+        """What kinks of the value at the segment's end may cost now that it does not smooth over a cell, money.
+
+        The next segment starts from values between nodes whose polynomials do not see such a kink. Its error is the
+        jump of the slope times a cell, over a cell's width: what that is worth now is what a mass there is.
+        """
+        segment, grid, width = self.segment, self.segment.grid, 0.25
+        index = grid.index(self.known.kinks)
+        index = index[(index > 1.0) & (index < grid.x.size - 2.0)]  # noqa: PLR2004
+        if segment.start == 0.0 or index.size == 0:
+            return 0.0
+        before, at, after = (self.known.value(grid.place(index + side)) for side in (-width, 0.0, width))
+        jump = np.abs(before - 2.0 * at + after) / width
+        diffusion = 2.0 * segment.transport(just_before(segment.end))[0][np.round(index).astype(int)]
+        seen = np.exp(-0.5 * math.pi**2 * diffusion * segment.duration)
+        return float(UNRESOLVED * (jump * seen / np.sqrt(diffusion * segment.start)).sum())
 
     @property
     def pins_on_the_way(self) -> bool:
@@ -248,7 +267,9 @@ def time_mesh(segment: Segment) -> Mesh:
     turns = 0 if segment.is_constant else _turns(segment.problem, segment.start, segment.end, middle)
     # The number doubles from grid to grid where coefficients rise and fall, so that their difference shows it.
     # Elsewhere it does not have to: first steps shorter than the grid resolves cost two digits.
-    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * max(turns, _growth(segment)))
+    steps = max(
+        _count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * max(turns, _growth(segment))
+    )
     passed = np.interp(-np.array(breaks[::-1]), -times, diffused) / diffused[-1]
     roots = _roots(steps, segment.grid.refined, np.sqrt(passed).tolist())
     ends = np.interp(diffused[-1] * roots**2, diffused, times)

@@ -198,6 +198,7 @@ class Levels:
         peclet = np.median(np.abs(fine.parts[-1].instants[-1].moment.scheme.peclet))
         error = np.maximum(last * rest, before) * max(1.0, float(peclet)) ** 2 + rounding + self.left_out
         error = error + max(part.segment.off_nodes for part in fine.parts)
+        error = error + sum(part.unresolved for part in fine.parts)
         worse = ~(error <= MUCH_WORSE * self.error_estimate) & ~np.isnan(self.error_estimate)
         worse &= len(differences) > 2  # an estimate of one difference alone is not kept
         self.derivatives = np.where(worse, self.derivatives, extrapolated)
