@@ -72,8 +72,8 @@ class ObstacleSolution:
         V, the estimate of its error, V_x and V_xx: money, money, money per x, per x^2. One-sided where a place lies on
         the end of a contact set.
     status : {"ok", "tolerance_not_met", "deadline"}
-    march, coarse : March or None
-        The values on the finest grid and on the one before; None where they were not finished.
+    march, coarse, coarser : March or None
+        The values on the finest grid, on the one before and on the one before that; None where they were not finished.
     """
 
     problem: ObstacleProblem
@@ -85,6 +85,7 @@ class ObstacleSolution:
     status: Status
     march: March | None
     coarse: March | None
+    coarser: March | None
     _walks: list[Walk] = field(init=False, repr=False, default_factory=list)
 
     def contact(self, t: float) -> Intervals:

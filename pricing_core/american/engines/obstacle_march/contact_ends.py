@@ -12,13 +12,10 @@ from pricing_core.american.book.segments import Segment
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.exercise_region import earning_region
 from pricing_core.american.engines.obstacle_march.boundaries import (
-    SHARE,
-    UNSEEN_SHARE,
     Piece,
     Traces,
     ends_of,
     first_places,
-    quoted,
 )
 from pricing_core.american.engines.obstacle_march.contract_problem import GONE, contract_problem
 from pricing_core.obstacle import ObstacleSolution, solve
@@ -84,14 +81,8 @@ def boundary_now(book: Book, found: ObstacleSolution, request: Request) -> tuple
 
 
 def _near_now(book: Book, found: ObstacleSolution) -> tuple[float, float]:
-    near, error = math.nan, math.nan
-    strike, is_put, (now, *_) = book.strike.item(), book.is_put.item(), book.segments_of()
-    for march in (found.coarse, found.march):
-        if march is not None:
-            before, (place, _, unseen) = near, _ends(march, march.now.contacts[0], is_put=is_put)
-            near = quoted(strike, now, 0.0, place).item()
-            error = SHARE * abs(near - before) + UNSEEN_SHARE * unseen * near
-    return near, error
+    ends = traces_of(book, found).at(np.zeros(1))
+    return ends.near.item(), ends.error.item()
 
 
 def boundary_place(march: March, *, is_put: bool) -> float:
