@@ -58,19 +58,23 @@ class StageEquation:
         return cls(stage, system, side, s, point, (bool(left), bool(right)))
 
     def at_fixed_parameter(self, segment: Segment) -> tuple[Vector, Vector]:
-        """Return R (n - 2,) and V (n,) of a changed problem at the same s and the same base."""
+        """Return R (n - 2,) and V (n,) of a changed problem at the same s and the same base.
+
+        Where s is 1 or more V is free of the obstacle and itself held fixed: in the scale b of s a difference of two
+        problems is off by the square of their distance, in each stage anew however short it is.
+        """
         stage, side, s = self.stage, self.side, self.s
         system = StageSystem.of(segment.at(stage.t), stage.a)
         contact = system.moment.contact
         down = side.c > 0.0
         c = np.where(down, contact.lower_mass, -contact.upper_mass)
         obstacle = np.where(down, contact.lower, contact.upper)
-        nodes = side.right_angle
+        nodes, moves = side.right_angle, side.averaged & (s < 1.0)
         moved = replace(
             side,
-            obstacle=np.where(side.averaged, obstacle, side.obstacle),
-            bend=np.where(side.averaged, c / contact.diffusion, side.bend),
-            c=np.where(side.averaged, c, 0.0),
+            obstacle=np.where(moves, obstacle, side.obstacle),
+            bend=np.where(moves, c / contact.diffusion, side.bend),
+            c=np.where(moves, c, side.c),
             low=contact.lower[nodes],
             high=contact.upper[nodes],
         )

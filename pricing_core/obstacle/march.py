@@ -115,7 +115,7 @@ class SegmentMarch:
         """
         segment, grid, width = self.segment, self.segment.grid, 0.25
         index = grid.index(self.known.kinks)
-        index = index[(index > 1.0) & (index < grid.x.size - 2.0)]  # noqa: PLR2004
+        index = index[(index > 1.0) & (index < grid.x.size - 2.0)]
         if segment.start == 0.0 or index.size == 0:
             return 0.0
         before, at, after = (self.known.value(grid.place(index + side)) for side in (-width, 0.0, width))

@@ -73,8 +73,8 @@ class ObstacleSolution:
         V, the estimate of its error, V_x and V_xx: money, money, money per x, per x^2. One-sided where a place lies on
         the end of a contact set.
     status : {"ok", "tolerance_not_met", "deadline"}
-    march, coarse, coarsest : March or None
-        The values on the finest grid and on the two before; None where they were not finished.
+    march, coarse, coarser : March or None
+        The values on the finest grid, on the one before and on the one before that; None where they were not finished.
     """
 
     problem: ObstacleProblem
@@ -86,7 +86,7 @@ class ObstacleSolution:
     status: Status
     march: March | None
     coarse: March | None
-    coarsest: March | None
+    coarser: March | None
     _walks: list[Walk] = field(init=False, repr=False, default_factory=list)
 
     def contact(self, t: float) -> Intervals:
@@ -179,8 +179,9 @@ class ObstacleSolution:
         """Return the second derivative of the value in two directions, each as the arguments of `derivative` by name.
 
         It is the central difference of tangents of two marches on each grid, changed by a thousandth of `second`, and
-        by twice that on each coarser one, so that the estimate sees this as well. A node that enters a contact set is a kink of
-        the first derivative, so that the second is a mean over some of them, and of lower order than the others.
+        by twice that on each coarser one, so that the estimate sees this as well. A node that enters a contact set is a
+        kink of the first derivative, so that the second is a mean over some of them, and of lower order than the
+        others.
 
         Raises
         ------
@@ -207,7 +208,7 @@ class ObstacleSolution:
     @property
     def _marches(self) -> list[March]:
         """The marches on the finest grids, the finest first."""
-        return [self._march, *(march for march in (self.coarse, self.coarsest) if march is not None)]
+        return [self._march, *(march for march in (self.coarse, self.coarser) if march is not None)]
 
     def _with_errors(self, found: Matrix) -> tuple[Any, Any]:
         """Return what the finest grid tells of (grids, m), and how the others differ; NaN where there is none."""

@@ -111,7 +111,7 @@ def solve(
         status,
         levels.march,
         levels.coarse,
-        levels.coarsest,
+        levels.coarser,
     )
 
 
@@ -137,7 +137,7 @@ class Levels:
     left_out: Vector
     march: March | None = None
     coarse: March | None = None
-    coarsest: March | None = None
+    coarser: March | None = None
     derivatives: Matrix = None  # type: ignore[assignment]
     error_estimate: Vector = None  # type: ignore[assignment]
 
@@ -158,7 +158,7 @@ class Levels:
             if self.march is not None:
                 differences.append(self._difference(found, self.march))
                 self._extrapolate(found, self.march, differences)
-            self.march, self.coarse, self.coarsest = found, self.march, self.coarse
+            self.march, self.coarse, self.coarser = found, self.march, self.coarse
             if len(differences) + 1 >= FIRST_LEVELS and (self.error_estimate <= tolerance).all():
                 return "ok"
             refined *= 2

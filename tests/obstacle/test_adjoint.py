@@ -167,3 +167,14 @@ def test_what_is_no_direction_is_refused():
     ):
         with pytest.raises(InvalidInputError, match="direction = nothing: must be one or several of"):
             asked()
+
+
+@pytest.mark.parametrize("refined", [2, 8])
+def test_a_derivative_hardly_depends_on_how_far_the_neighbours_lie(refined):
+    """An error in the square of their distance that each stage adds anew grows with the number of stages."""
+    problem, x = option(PUT, lower=SMOOTH_PUT), np.array([0.02])
+    own = march(problem, Grid.of(choose_map(problem, x), refined))
+    near, far = (
+        tangent(own, neighbours(problem, {"volatility": 1.0}, size), x)[0, 0] for size in (1e-5, 1e-3)
+    )
+    assert far == pytest.approx(near, abs=2e-5)

@@ -71,8 +71,8 @@ const LARGEST_LOG: f64 = 690.0;
 const UNRESOLVED: f64 = 2.0;
 /// What a drop is of the largest one where it tells how far a grid reaches.
 const LEAST_DROP: f64 = 0.01;
-/// The same as a share of the strike where drops lead below the grid: there a put that nobody pays for a drop any more is told
-/// from one with a drop to come.
+/// The same as a share of the strike or of the spot, whichever is less, where drops lead below the grid: there a put that
+/// nobody pays for a drop any more is told from one with a drop to come.
 const LEAST_WHERE_USED_UP: f64 = 1e-4;
 /// How far the grid goes on below the least of them, in deviations and at most in ln S: there a put no longer depends on the
 /// spot, which the line beyond the grid's end goes on with.
@@ -117,7 +117,7 @@ fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
         if total > 0.0 && (total.ln() > left || deepest < left) {
             let largest = drops().fold(0.0, f64::max);
             let least = if deepest < left {
-                LEAST_WHERE_USED_UP
+                LEAST_WHERE_USED_UP * lowest.exp().min(1.0)
             } else {
                 LEAST_DROP * largest
             };

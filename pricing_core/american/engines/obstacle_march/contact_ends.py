@@ -8,15 +8,14 @@ from itertools import pairwise
 import numpy as np
 
 from pricing_core.american.book.book import Book
+from pricing_core.american.book.segments import Segment
 from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.exercise_region import earning_region
 from pricing_core.american.engines.obstacle_march.boundaries import (
-    SHARE,
-    UNSEEN_SHARE,
     Piece,
     Traces,
     ends_of,
     first_places,
-    quoted,
 )
 from pricing_core.american.engines.obstacle_march.contract_problem import GONE, contract_problem
 from pricing_core.obstacle import ObstacleSolution, solve
@@ -39,6 +38,24 @@ def coefficient_jumps(book: Book) -> tuple[float, ...]:
     )
 
 
+def exercise_begins(book: Book) -> tuple[float, ...]:
+    """Return the ends of segments before which exercise earns somewhere, and after which it does so nowhere.
+
+    There a contact set begins, far from all nodes first and soon over many of them in one step: steps begin anew.
+    """
+    is_put = book.is_put.item()
+    earns = [_earns(segment, is_put=is_put) for segment in book.segments_of()]
+    ends = [segment.end for segment in book.segments_of()]
+    return tuple(
+        end for end, (before, after) in zip(ends, pairwise(earns), strict=False) if before and not after
+    )
+
+
+def _earns(segment: Segment, *, is_put: bool) -> bool:
+    region = earning_region(segment, is_put=is_put)
+    return region.lower <= region.upper
+
+
 def traces_of(book: Book, found: ObstacleSolution) -> Traces:
     """Trace the boundaries of a solution whose problem has segments that end where coefficients jump."""
     fine, coarse = (_pieces(book, march) for march in (found.march, found.coarse))
@@ -51,23 +68,21 @@ def boundary_now(book: Book, found: ObstacleSolution, request: Request) -> tuple
         return math.nan, math.nan
     near, error = _near_now(book, found)
     left, right = found.march.grid.x[[0, -1]].tolist()
+    unresolved = bool(
+        found.march.now.contacts[0]
+    )  # next to an end of the interval, where no boundary was found
     for place in first_places(book):
-        if math.isnan(near) and not left < place < right and not request.is_interrupted():
+        if math.isnan(near) and (unresolved or not left < place < right) and not request.is_interrupted():
             there = book.diffusing_at(book.strike * math.exp(place))
-            other = solve(contract_problem(there), place, ELSEWHERE, interrupt=request.interrupt)
+            problem = contract_problem(there, exercise_begins(there))
+            other = solve(problem, place, ELSEWHERE, interrupt=request.interrupt)
             near, error = _near_now(book, other)
     return near, error
 
 
 def _near_now(book: Book, found: ObstacleSolution) -> tuple[float, float]:
-    near, error = math.nan, math.nan
-    strike, is_put, (now, *_) = book.strike.item(), book.is_put.item(), book.segments_of()
-    for march in (found.coarse, found.march):
-        if march is not None:
-            before, (place, _, unseen) = near, _ends(march, march.now.contacts[0], is_put=is_put)
-            near = quoted(strike, now, 0.0, place).item()
-            error = SHARE * abs(near - before) + UNSEEN_SHARE * unseen * near
-    return near, error
+    ends = traces_of(book, found).at(np.zeros(1))
+    return ends.near.item(), ends.error.item()
 
 
 def boundary_place(march: March, *, is_put: bool) -> float:
@@ -107,19 +122,21 @@ def _ends(march: March, contacts: Intervals, *, is_put: bool) -> tuple[float, fl
 
     This is a cell where it is at a node, as where a step is too short for the grid.
     """
-    near, far = _two(_places(march, contacts), is_put=is_put)
+    resolved = _resolved(march, contacts)
+    near, far = _two(tuple((_place(march, a), _place(march, b)) for a, b in resolved), is_put=is_put)
     if math.isnan(near):
         return near, far, 0.0
-    index = (max(contacts)[1] if is_put else min(contacts)[0]) // 1.0
+    index = (max(resolved)[1] if is_put else min(resolved)[0]) // 1.0
     left, right = march.grid.place(np.array([index, index + 1.0])).tolist()
     return near, far, right - left if near == left else 0.0
 
 
-def _places(march: March, contacts: Intervals) -> Intervals:
-    """Return intervals of nodes as those of places, joined where less than `GAP` cells lie between two.
+def _resolved(march: March, contacts: Intervals) -> Intervals:
+    """Return intervals of nodes joined where less than `GAP` cells lie between two.
 
     A node that the end of a contact set passes within a step leaves such a gap. What comes as near to an end of the
-    interval goes on beyond it.
+    interval goes on beyond it; what lies next to it as a whole, where the end's rule holds V as the obstacle does, says
+    nothing of where the contact set ends and is left out.
     """
     last = march.grid.x.size - 1
     joined: list[tuple[float, float]] = []
@@ -127,11 +144,9 @@ def _places(march: March, contacts: Intervals) -> Intervals:
         begins = joined.pop()[0] if joined and left - joined[-1][1] < GAP else left
         joined.append((begins, right))
     return tuple(
-        (
-            -math.inf if left < GAP else _place(march, left),
-            math.inf if right > last - GAP else _place(march, right),
-        )
+        (-math.inf if left < GAP else left, math.inf if right > last - GAP else right)
         for left, right in joined
+        if right >= GAP and left <= last - GAP
     )
 
 

@@ -40,7 +40,7 @@ def place_of(book: Book) -> float:
     return math.log(book.diffusing().item()) - math.log(book.strike.item())
 
 
-def contract_problem(book: Book, dividends: Collection[float] = (), *, cut: bool = False) -> ObstacleProblem:
+def contract_problem(book: Book, restarts: Collection[float] = (), *, cut: bool = False) -> ObstacleProblem:
     """Return the problem of a book of one contract, with time to expiry and a spot above 0.
 
     Contracts whose segments are cut alike have problems whose segments are, so that they may be neighbours
@@ -48,8 +48,9 @@ def contract_problem(book: Book, dividends: Collection[float] = (), *, cut: bool
 
     Parameters
     ----------
-    dividends : collection of float
-        Ends of segments at which a cash dividend may be 0, but is not in a neighbour.
+    restarts : collection of float
+        Ends of segments at which steps begin anew though nothing may happen: where a cash dividend is 0, but is not in
+        a neighbour, and where exercise begins to earn.
     cut : bool
         Whether steps end at the end of every segment, for neighbours whose coefficients jump there.
     """
@@ -67,9 +68,7 @@ def contract_problem(book: Book, dividends: Collection[float] = (), *, cut: bool
         _payoff(is_put),
         segments[-1].end,
         lower=_obstacle(segments, strike, is_put=is_put),
-        events=[
-            event for segment in segments for event in _events(segment, strike, segment.end in dividends)
-        ],
+        events=[event for segment in segments for event in _events(segment, strike, segment.end in restarts)],
         interval=(_left_end(segments, local, strike, book.diffusing().item() / strike), None),
         ends=("exponential", "linear" if is_put else "exponential"),  # a put tends to 0
     )
@@ -282,12 +281,12 @@ class Escrow:
         return self.values[k] * math.exp(-self.rates[k] * (self.ends[k] - t)) if t < self.ends[k] else 0.0
 
 
-def _events(segment: Segment, strike: float, is_dividend: bool) -> list[Event]:
+def _events(segment: Segment, strike: float, restarts: bool) -> list[Event]:
     """Return what happens at the end of a segment, where something does."""
     kept, amount = 1.0 - segment.fraction, segment.amount / strike
     if segment.fraction == 0.0 and amount == 0.0:
-        # The obstacle jumps, or a neighbour's spot does.
-        return [Event(segment.end, cash=0.0)] if segment.due != 0.0 or is_dividend else []
+        # The obstacle jumps, a neighbour's spot does, or a contact set begins.
+        return [Event(segment.end, cash=0.0)] if segment.due != 0.0 or restarts else []
     if amount == 0.0:
         return [Event(segment.end, lambda x: x + math.log(kept))] if kept > 0.0 else [_ruin(segment)]
     return [Event(segment.end, lambda x: np.log(np.maximum(kept * np.exp(x) - amount, GONE)))]

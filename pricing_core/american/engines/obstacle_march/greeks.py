@@ -2,13 +2,15 @@
 
 Theta is the march's own rate, gamma follows from it by the equation. First derivatives by parameters are walks back
 between the problems of contracts with a little more and a little less of one; vanna is the tangent's slope, volga a
-difference of tangents. The errors are the differences of two resolutions.
+difference of tangents. The errors are the differences of two resolutions, beside those of the two before them.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -34,6 +36,7 @@ from pricing_core.obstacle.direction import Neighbours
 from pricing_core.obstacle.march import March
 from pricing_core.obstacle.rate import rates
 from pricing_core.obstacle.solution import march_again
+from pricing_core.obstacle.solve import GAIN, PESSIMISM
 from pricing_core.obstacle.tangent import tangent
 
 SURFACE_STEP = 1e-4  # How far a surface is moved in ln S; chosen.
@@ -51,22 +54,19 @@ BY_PLACE, BY_TIME, BY_PARAMETER, BY_PARAMETERS = 1.0, 2.0, 2.5, 6.0
 
 def by_place_and_time(book: Book, found: ObstacleSolution, *, extended: bool) -> dict[str, Any]:
     """Return delta, gamma, theta and charm of a contract that is held, with their errors, as columns of money."""
-    fine, coarse = found.march, found.coarse
-    assert fine is not None
-    assert coarse is not None
     place, strike = place_of(book), book.strike.item()
+    fine, coarse, *_ = marches = _finest(found, place)
     x, s = np.array([place]), math.exp(place)
     around = np.clip(
         x + AROUND * coarse.grid.map.size / coarse.grid.refined, *coarse.grid.x[[0, -1]].tolist()
     )
-    held = (fine.now.side(around) == 0) & (coarse.now.side(around) == 0)
+    held = np.all([march.now.side(around) == 0 for march in marches], axis=0)
     around = around[held | (AROUND == 0.0)]
-    slopes = [march.now.derivatives(around)[1] for march in (fine, coarse)]
-    own = [rates(march, around) for march in (fine, coarse)]
-    slope_error = BY_PLACE * float(np.abs(slopes[0] - slopes[1]).max())
+    slopes = [march.now.derivatives(around)[1] for march in marches]
+    slope_error = BY_PLACE * float(_difference(slopes, PESSIMISM).max())
     (rate, rate_slope), (rate_error, rate_slope_error) = (
         rates(fine, x)[:, 0].tolist(),
-        (BY_TIME * np.abs(own[0] - own[1]).max(axis=1)).tolist(),
+        (BY_TIME * _difference([rates(march, around) for march in marches]).max(axis=1)).tolist(),
     )
     problem = found.problem
     volatility, drift, discount = (float(f(x, 0.0)[0]) for f in problem.diffusion.functions)
@@ -92,6 +92,25 @@ def by_place_and_time(book: Book, found: ObstacleSolution, *, extended: bool) ->
     return {name: np.array([number]) for name, number in columns.items()}
 
 
+def _finest(found: ObstacleSolution, place: float) -> list[March]:
+    """Return the marches on the two finest grids, the finest first, and that on the one before where it holds there."""
+    assert found.march is not None
+    assert found.coarse is not None
+    finest, third = [found.march, found.coarse], found.coarser
+    if third is not None and third.now.side(np.array([place]))[0] == 0:
+        finest.append(third)
+    return finest
+
+
+def _difference(found: Sequence[Any], fall: float = GAIN) -> Any:
+    """Return the difference of two resolutions, given what two or three tell, the finest first.
+
+    It may vanish by chance: it is at least what is left of the one before it, which falls at most by so much.
+    """
+    last, *before = (np.abs(a - b) for a, b in pairwise(found))
+    return np.maximum(last, before[0] / fall) if before else last
+
+
 def by_parameters(
     book: Book,
     problem: ObstacleProblem,
@@ -107,8 +126,8 @@ def by_parameters(
     local = book.is_local().item(0)
     if not held:
         return columns | ({STICKY: -book.sign} if local else {})
-    marches = [march for march in (found.march, found.coarse) if march is not None]
     place, cut = place_of(book), bool(problem.diffusion.breaks)
+    marches = _finest(found, place)
     walks = [Walk.of(march, place) for march in marches]
     slopes = [float(march.now.derivatives(np.array([place]))[1, 0]) for march in marches]
     for planned in plan_directions(book, extended=extended):
@@ -120,7 +139,7 @@ def by_parameters(
         values = [
             walk.derivative(sides) + slope * by_place for walk, slope in zip(walks, slopes, strict=True)
         ]
-        error = BY_PARAMETER * abs(values[0] - values[-1])
+        error = BY_PARAMETER * float(_difference(values))
         for name, number in ((planned.kind, values[0]), (error_of(planned.kind), error)):
             column = columns[name]
             (column.values if isinstance(column, Ragged) else column)[planned.entry] = strike * number
@@ -170,7 +189,7 @@ def _sticky(book: Book, walks: list[Walk], found: ObstacleSolution, *, cut: bool
     delta = float(found.slope) * math.exp(-place_of(book))
     return {
         STICKY: delta + share * values[0],
-        error_of(STICKY): share * BY_PARAMETER * abs(values[0] - values[-1]),
+        error_of(STICKY): share * BY_PARAMETER * _difference(values),
     }
 
 
@@ -178,10 +197,10 @@ def _second_order(book: Book, marches: list[March], place: float, request: Reque
     """Return vanna and volga with their errors; None where interrupted."""
     x, strike = np.array([place]), book.strike.item(0)
     vannas, volgas = [], []
-    for march, share in zip(marches, (VOLGA_STEP, 2.0 * VOLGA_STEP), strict=False):
+    for k, march in enumerate(marches):
         if request.is_interrupted():
             return None
-        step = share * float(np.max(book.segments.volatility))
+        step = 2.0**k * VOLGA_STEP * float(np.max(book.segments.volatility))
         vannas.append(float(_vega_tangent(book, march, x)[1, 0]))
         bumped = [Bump(book, "volatility")(np.array([by])) for by in (step, -step)]
         sides = [march_again(_problem(one, march), march) for one in bumped]
@@ -196,7 +215,7 @@ def _second_order(book: Book, marches: list[March], place: float, request: Reque
     found = {}
     for name, values, scale in (("vanna", vannas, math.exp(-place)), ("volga", volgas, strike)):
         found[name] = np.array([scale * values[0]])
-        found[error_of(name)] = np.array([scale * BY_PARAMETERS * abs(values[0] - values[-1])])
+        found[error_of(name)] = np.array([scale * BY_PARAMETERS * _difference(values)])
     return found
 
 

@@ -24,6 +24,7 @@ from pricing_core.american.engines.obstacle_march.boundaries import Traces
 from pricing_core.american.engines.obstacle_march.contact_ends import (
     boundary_now,
     coefficient_jumps,
+    exercise_begins,
     traces_of,
 )
 from pricing_core.american.engines.obstacle_march.contract_problem import contract_problem, place_of
@@ -100,7 +101,7 @@ def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices
     if greeks:  # whose derivatives want segments that end at every entry
         book = _cut(book, extended=extended)
     cut = extended and _has_curves(book)
-    problem = contract_problem(book, _dividends(book) if greeks else (), cut=cut)
+    problem = contract_problem(book, exercise_begins(book) + (_dividends(book) if greeks else ()), cut=cut)
     place, strike = place_of(book), book.strike.item()
     found = solve(problem, place, request.tolerance.item(0) / share, interrupt=request.interrupt)
     european = _european(book, problem, found, request)

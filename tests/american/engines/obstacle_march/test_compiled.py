@@ -91,6 +91,19 @@ def test_a_european_put_whose_spot_is_used_up_is_worth_the_discounted_strike(
     assert found.error[0] <= 1e-3
 
 
+def test_small_dividends_of_a_spot_that_is_next_to_nothing_are_felt():
+    """With rates below 0 a used-up put is held to expiry; a grid that ends above the dividends is off by 5.9e-3."""
+    market = Market(
+        0.2525,
+        -0.08,
+        0.1,
+        cash_dividends=[(0.0076, 0.0016), (0.0146, 0.0043)],
+        proportional_dividends=[(0.0025, 1.0)],
+    )
+    found = marched([(Option("put", 100.0, 0.025), market)], tolerance=1e-7)
+    assert found.value[0] == pytest.approx(100.0 * np.exp(0.08 * 0.025), abs=1e-5)
+
+
 def test_a_put_beyond_a_boundary_that_two_engines_put_elsewhere():
     """73.42028 by differences on 2,048 nodes: not exercised."""
     market = Market(26.58404959, 0.0237627188, 0.0813081456, 0.0866609149)

@@ -8,6 +8,7 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, error_of
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.obstacle_march import ObstacleMarch
+from pricing_core.american.engines.obstacle_march.contact_ends import exercise_begins
 from pricing_core.american.engines.solve import boundary_of, solve
 from tests.problems.engines import solved
 from tests.problems.needs_kernel import needs_kernel
@@ -57,6 +58,20 @@ def test_a_put_beyond_a_boundary_that_two_engines_put_elsewhere_is_held():
     assert not found.exercised[0]
     assert found.value[0] == pytest.approx(73.42028, abs=1e-5)
     assert found.boundary[0] == pytest.approx(26.16, abs=0.01)
+
+
+def test_a_boundary_next_to_the_end_of_the_grid_is_looked_for_further_out():
+    """58.18447 by the march of the premium; the grid around the spot ends at 59.95, where its rule holds the payoff."""
+    market = Market(108.14, 0.0664, 0.1941, 0.1072)
+    found = solved(ENGINE, (Option("put", 100.0, 0.2877), market))
+    assert found.boundary[0] == pytest.approx(58.18, rel=2e-3)
+    assert abs(found.boundary[0] - 58.18) <= found.boundary_error[0] + 0.01
+
+
+def test_steps_begin_anew_where_exercise_begins_to_earn():
+    book = Book.of([CONTRACTS["put, rate turns positive"], CONTRACTS["put, curves"]])
+    assert exercise_begins(book.part(slice(0, 1))) == (0.5,)
+    assert exercise_begins(book.part(slice(1, 2))) == ()
 
 
 @pytest.mark.parametrize("spot", [0.32732, 100.0, 108.24])
