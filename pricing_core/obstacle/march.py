@@ -265,18 +265,34 @@ def time_mesh(segment: Segment) -> Mesh:
     times, diffused, first = _clock(segment, breaks)
     middle = float(segment.grid.place(np.array([0.5 * (segment.grid.x.size - 1)]))[0])
     turns = 0 if segment.is_constant else _turns(segment.problem, segment.start, segment.end, middle)
+    steps = _count(STEPS * math.sqrt(2.0 * first))
     # The number doubles from grid to grid where coefficients rise and fall, so that their difference shows it.
-    # Elsewhere it does not have to: first steps shorter than the grid resolves cost two digits.
-    steps = max(
-        _count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * max(turns, _growth(segment))
-    )
+    wanted = 2 * segment.grid.refined * max(turns, _growth(segment))
     passed = np.interp(-np.array(breaks[::-1]), -times, diffused) / diffused[-1]
-    roots = _roots(steps, segment.grid.refined, np.sqrt(passed).tolist())
+    if breaks:
+        roots = _roots(max(steps, wanted), segment.grid.refined, np.sqrt(passed).tolist())
+    else:
+        roots = _squares(steps, wanted)
     ends = np.interp(diffused[-1] * roots**2, diffused, times)
     for root, time in zip(np.sqrt(passed), breaks[::-1], strict=True):
         ends[np.argmin(np.abs(roots - root))] = time
     ends[0], ends[-1] = segment.end, segment.start
     return [(early, late, late not in breaks) for late, early in pairwise(ends.tolist())]
+
+
+def _squares(steps: int, wanted: int) -> Vector:
+    """Return the roots of the clock at the ends of the steps, 0 to 1, of which so many are wanted.
+
+    Where these are more than the first step lets the grid resolve, steps behind it are cut into parts that are not
+    shorter than it is, as far as that goes: first steps that are too short cost two digits.
+    """
+    ends = [0.0]
+    parts = -(-wanted // steps)
+    for n in range(1, steps + 1):
+        own = max(1, min(parts, 2 * n - 1), parts // steps)
+        ends += [((n - 1) ** 2 + (2 * n - 1) * k / own) for k in range(1, own + 1)]
+    roots: Vector = np.sqrt(np.array(ends)) / steps
+    return roots
 
 
 def _roots(steps: int, refined: int, breaks: list[float]) -> Vector:
@@ -286,8 +302,6 @@ def _roots(steps: int, refined: int, breaks: list[float]) -> Vector:
     equal parts whose number doubles from grid to grid. So the differences of grids fall as the order says, whatever
     lies between the breaks, and tell the error.
     """
-    if not breaks:
-        return np.arange(steps + 1) / steps
     parts = 1
     while parts < refined and steps % (2 * parts) == 0:
         parts *= 2
@@ -346,13 +360,14 @@ def _clock(segment: Segment, breaks: list[float]) -> tuple[Vector, Vector, float
 
 @lru_cache(maxsize=64)
 def _turns(problem: ObstacleProblem, start: float, end: float, x: float) -> int:
-    """Return how often the coefficients and the source rise and fall between two times, at a place."""
+    """Return how often the coefficients and the source rise and fall between two times, at a place, but at breaks."""
     place, turns = np.array([x]), 0
     times = np.linspace(start, just_before(end), PIECES_OF_TURNS + 1).tolist()
+    jumps = np.diff(np.searchsorted(problem.diffusion.breaks, times, side="right")) > 0
     for function in (*problem.diffusion.functions, problem.source_function):
         if function.has_t:
             values = np.array([float(function(place, t)[0]) for t in times])
-            change = np.diff(values)
+            change = np.where(jumps, 0.0, np.diff(values))
             rises = change[np.abs(change) > ROUNDING * np.abs(values).max()] > 0.0
             turns += int(np.count_nonzero(rises[1:] != rises[:-1]))
     return turns

@@ -29,6 +29,9 @@ SLOWEST = 0.9  # of a difference to the one before it that still lets the rest b
 MARGIN = 1.5  # on what the extrapolation leaves where the differences fall less than the third order says
 STEEP = 0.25  # up to which the differences fall as the third order says, and one is extrapolated; it says 1/8
 FIRST_LEVELS = 3
+# By what the estimate is multiplied where coefficients jump: the contact sets' ends may move fast behind such a time,
+# in steps that do not begin anew as small as at the horizon. Calibrated.
+AT_BREAKS = 3.0
 MUCH_WORSE = (
     10.0  # by which a finer grid's estimate may be larger before the one that was found before it stays
 )
@@ -196,7 +199,9 @@ class Levels:
         before = differences[-2] / PESSIMISM if len(differences) > 1 else 0.0
         # Where a cell's drift is more than its diffusion the order is not seen yet.
         peclet = np.median(np.abs(fine.parts[-1].instants[-1].moment.scheme.peclet))
-        error = np.maximum(last * rest, before) * max(1.0, float(peclet)) ** 2 + rounding + self.left_out
+        caution = AT_BREAKS if fine.problem.diffusion.breaks else 1.0
+        caution *= max(1.0, float(peclet)) ** 2
+        error = caution * np.maximum(last * rest, before) + rounding + self.left_out
         error = error + max(part.segment.off_nodes for part in fine.parts)
         error = error + sum(part.unresolved for part in fine.parts)
         worse = ~(error <= MUCH_WORSE * self.error_estimate) & ~np.isnan(self.error_estimate)
