@@ -8,6 +8,8 @@ from pricing_core.arrays import as_number
 from pricing_core.errors import InvalidInputError
 from pricing_core.obstacle.functions import Function, Given, read_function
 
+SHORTEST_TIME = 1e-12  # Years to the horizon or to an event: less than a millisecond; chosen.
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Event:
@@ -18,7 +20,7 @@ class Event:
     Parameters
     ----------
     time : float
-        Years from now, above 0 and at most the horizon.
+        Years from now, at least 1e-12 and at most the horizon.
     move : callable, optional
         f(x): where x is afterwards, such as ln(e^x - dividend).
     cash : float or callable, optional
@@ -32,8 +34,8 @@ class Event:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "time", as_number("time", self.time))
-        if not self.time > 0.0:
-            raise InvalidInputError("time", self.time, "above 0: an event at 0 is over")
+        if not self.time >= SHORTEST_TIME:
+            raise InvalidInputError("time", self.time, f"at least {SHORTEST_TIME:g}: an event at 0 is over")
         if self.move is None and self.cash is None:
             raise InvalidInputError("event", self, "a move, or cash, or both")
         move = None if self.move is None else read_function("move", self.move)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core.arrays import Vector, as_number
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, PricingCoreError, Told
 
 Given: TypeAlias = float | Callable[..., ArrayLike]
 
@@ -46,14 +46,15 @@ class Function:
             return np.full(x.shape, self.given)
         arguments = [x] * self.has_x + [t] * self.has_t
         try:
-            values = np.asarray(self.given(*arguments), dtype=np.float64)
-            values = np.broadcast_to(values, x.shape)
-        except InvalidInputError:  # of a function that is made of others
+            found = np.asarray(self.given(*arguments))
+            if found.dtype.kind == "c":
+                raise TypeError("a complex number")
+            values = np.broadcast_to(found.astype(np.float64), x.shape)
+        except PricingCoreError:  # of a function that is made of others
             raise
-        except (TypeError, ValueError, ArithmeticError, LookupError) as error:
-            raise InvalidInputError(
-                self.name, Told(f"{type(error).__name__} at t = {t:g}"), "a function with a number for each x"
-            ) from error
+        except Exception as error:
+            told = Told(f"{type(error).__name__} ({error}) at t = {t:g}")
+            raise InvalidInputError(self.name, told, "a function with a number for each x") from error
         wrong = ~np.isfinite(values)
         if wrong.any():
             first = int(np.argmax(wrong))

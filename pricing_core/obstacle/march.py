@@ -265,7 +265,10 @@ def time_mesh(segment: Segment) -> Mesh:
     times, diffused, first = _clock(segment, breaks)
     middle = float(segment.grid.place(np.array([0.5 * (segment.grid.x.size - 1)]))[0])
     turns = 0 if segment.is_constant else _turns(segment.problem, segment.start, segment.end, middle)
-    steps = _count(STEPS * math.sqrt(2.0 * first))
+    # Where the diffusion nearly vanishes in some places the number grows all the same, as others let it.
+    largest = float(_slow(segment, 0.5 * (segment.start + segment.end)).max()) * segment.duration
+    fewest = min(2 * segment.grid.refined, _count(STEPS * math.sqrt(2.0 * largest)))
+    steps = max(_count(STEPS * math.sqrt(2.0 * first)), fewest)
     # The number doubles from grid to grid where coefficients rise and fall, so that their difference shows it.
     wanted = 2 * segment.grid.refined * max(turns, _growth(segment))
     passed = np.interp(-np.array(breaks[::-1]), -times, diffused) / diffused[-1]
@@ -380,7 +383,13 @@ def _growth(segment: Segment) -> int:
 
 
 def _diffusion(segment: Segment, t: float, may_touch: BoolVector) -> float:
-    """Return D/b, in cells^2 a year, where it is least among the inner nodes that an obstacle may touch.
+    """Return D/b, in cells^2 a year, where it is least among the inner nodes that an obstacle may touch."""
+    slow = _slow(segment, t)
+    return float(slow[may_touch].min() if may_touch.any() else np.median(slow))
+
+
+def _slow(segment: Segment, t: float) -> Vector:
+    """Return D/b at the inner nodes, in cells^2 a year.
 
     The stage matrix is an M-matrix if a D >= (1 + a r) b/12 with b = (1 + |p|/2)/(1 + |p|/2 + p^2/12) and p the cell
     Peclet number.
@@ -388,8 +397,8 @@ def _diffusion(segment: Segment, t: float, may_touch: BoolVector) -> float:
     D, drift = segment.transport(t)
     peclet = np.abs(drift / D)[1:-1]
     b = (1.0 + peclet / 2.0) / (1.0 + peclet / 2.0 + peclet * peclet / 12.0)
-    slow = D[1:-1] / b
-    return float(slow[may_touch].min() if may_touch.any() else np.median(slow))
+    slow: Vector = D[1:-1] / b
+    return slow
 
 
 def _ends_of_contact(profile: Profile) -> Vector:

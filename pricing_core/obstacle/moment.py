@@ -197,12 +197,7 @@ class Segment:
                 masses[k] = np.where(at_kinks | (-sign * income <= size), 0.0, -sign * income)
                 holds |= holding
         lower, upper = values
-        largest = np.maximum(*(np.abs(np.where(np.isfinite(v), v, 0.0)) for v in values))
-        scale = ROUNDING * np.maximum(1.0, largest)
-        if (lower > upper + scale).any():
-            first = int(np.argmax(lower - upper))
-            place = Told(f"{lower[first]:g} at x = {self.grid.x[first]:.6g}")
-            raise InvalidInputError("lower", place, f"at most upper, {upper[first]:g} there")
+        scale = check_order(self.grid.x, lower, upper)
         upper = np.maximum(lower, upper)
         holds |= upper - lower <= scale + (masses[0] + masses[1]) / (2.0 * diffusion)
         if self.complementarity == "right-angle":
@@ -269,6 +264,17 @@ class Segment:
             if not is_on:
                 self.off_nodes = max(self.off_nodes, jump * width)
         return on_kink, holding
+
+
+def check_order(x: Vector, lower: Vector, upper: Vector) -> Vector:
+    """Refuse a lower obstacle above an upper one; return what rounding may make of equal ones, shape (n,)."""
+    largest = np.maximum(*(np.abs(np.where(np.isfinite(v), v, 0.0)) for v in (lower, upper)))
+    scale: Vector = ROUNDING * np.maximum(1.0, largest)
+    if (lower > upper + scale).any():
+        first = int(np.argmax(lower - upper))
+        place = Told(f"{lower[first]:g} at x = {x[first]:.6g}")
+        raise InvalidInputError("lower", place, f"at most upper, {upper[first]:g} there")
+    return scale
 
 
 def holding_jump(obstacle: Obstacle, sign: float, kink: float, width: float, t: float) -> float:

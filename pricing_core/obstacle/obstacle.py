@@ -9,6 +9,7 @@ import numpy as np
 
 from pricing_core.arrays import Matrix, Vector, as_number, as_vector, check_list
 from pricing_core.errors import InvalidInputError
+from pricing_core.obstacle.event import SHORTEST_TIME
 from pricing_core.obstacle.functions import Function, Given, read_function
 
 
@@ -58,8 +59,9 @@ class Obstacle:
             if len(self.during) != 2:
                 raise InvalidInputError("during", self.during, "a pair (start, end)")
             start, end = (as_number("during", time) for time in self.during)
-            if not start < end:
-                raise InvalidInputError("during", self.during, "a pair with start < end")
+            if not end - start >= SHORTEST_TIME:
+                allowed = f"a pair with start < end, {SHORTEST_TIME:g} apart at least"
+                raise InvalidInputError("during", self.during, allowed)
             object.__setattr__(self, "during", (start, end))
         if self.at is not None:
             object.__setattr__(self, "at", tuple(sorted(as_vector("at", self.at).tolist())))

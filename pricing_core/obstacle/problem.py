@@ -10,7 +10,7 @@ from pricing_core.arrays import as_number, check_list, check_type
 from pricing_core.errors import InvalidInputError
 from pricing_core.obstacle.diffusion import Diffusion
 from pricing_core.obstacle.ends import End, Held, read_end
-from pricing_core.obstacle.event import Event
+from pricing_core.obstacle.event import SHORTEST_TIME, Event
 from pricing_core.obstacle.functions import Function, Given, read_function
 from pricing_core.obstacle.obstacle import Obstacle
 
@@ -27,7 +27,7 @@ class ObstacleProblem:
     payoff : Obstacle
         The value at the horizon; its window and its dates play no part.
     horizon : float
-        Years from now, above 0.
+        Years from now, at least 1e-12.
     lower, upper : Obstacle, optional
     source : float or callable
         f: money a year that is received, a number or f(x, t).
@@ -62,8 +62,8 @@ class ObstacleProblem:
             if getattr(self, name) is not None:
                 check_type(name, getattr(self, name), Obstacle)
         horizon = as_number("horizon", self.horizon)
-        if not horizon > 0.0:
-            raise InvalidInputError("horizon", horizon, "above 0")
+        if not horizon >= SHORTEST_TIME:
+            raise InvalidInputError("horizon", horizon, f"at least {SHORTEST_TIME:g} years")
         object.__setattr__(self, "horizon", horizon)
         object.__setattr__(self, "source_function", read_function("source", self.source))
         for name in ("lower", "upper"):
@@ -77,7 +77,14 @@ class ObstacleProblem:
         self._read_interval()
 
     def _check_dates(self, obstacle: Obstacle | None) -> None:
-        for time in () if obstacle is None else obstacle.at or ():
+        if obstacle is None:
+            return
+        if obstacle.during is not None and not (
+            obstacle.during[0] < self.horizon and obstacle.during[1] > 0.0
+        ):
+            allowed = f"a window that meets that from 0 to the horizon, {self.horizon:g}"
+            raise InvalidInputError("during", obstacle.during, allowed)
+        for time in obstacle.at or ():
             if not 0.0 <= time <= self.horizon:
                 raise InvalidInputError("at", time, f"from 0 to the horizon, {self.horizon:g}")
 

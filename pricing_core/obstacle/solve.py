@@ -96,6 +96,8 @@ def solve(
     if not tolerance > 0.0:
         raise InvalidInputError("tolerance", tolerance, "above 0")
     deadline = None if deadline is None else as_number("deadline", deadline)
+    if interrupt is not None and not callable(interrupt):
+        raise InvalidInputError("interrupt", interrupt, "a function without arguments")
     limit = TimeLimit(deadline) if deadline is None or deadline > 0.0 else TimeLimit(math.nextafter(0.0, 1.0))
     flat = places.reshape(-1)
     chosen = choose_map(problem, flat)

@@ -14,7 +14,7 @@ from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.obstacle.ends import Held
 from pricing_core.obstacle.grid import Grid
-from pricing_core.obstacle.moment import ROUNDING, Moment
+from pricing_core.obstacle.moment import ROUNDING, Moment, check_order
 from pricing_core.obstacle.problem import ObstacleProblem, just_before
 
 SECANTS = 6  # towards a crossing inside a cell: each gains half the digits again
@@ -87,6 +87,8 @@ def before(problem: ObstacleProblem, grid: Grid, time: float, after: Known, *, c
             at_held = sign * (value(held) - bound(held)) <= 0.0 if held.size else np.zeros(0, dtype=bool)
             kinks = [*kinks, *crossings, *held[at_held]]
         bounds.append((bound, sign))
+    if len(bounds) == len(problem.obstacles):
+        check_order(grid.x, *(bound(grid.x) for bound, _ in bounds))
 
     def clipped(x: Vector) -> Vector:
         found = value(x)
