@@ -53,7 +53,7 @@ class Function:
         except PricingCoreError:  # of a function that is made of others
             raise
         except Exception as error:
-            told = Told(f"{type(error).__name__} ({error}) at t = {t:g}")
+            told = Told(f"{type(error).__name__} at t = {t:g} ({error})")
             raise InvalidInputError(self.name, told, "a function with a number for each x") from error
         wrong = ~np.isfinite(values)
         if wrong.any():

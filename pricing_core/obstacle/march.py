@@ -266,16 +266,16 @@ def time_mesh(segment: Segment) -> Mesh:
     middle = float(segment.grid.place(np.array([0.5 * (segment.grid.x.size - 1)]))[0])
     turns = 0 if segment.is_constant else _turns(segment.problem, segment.start, segment.end, middle)
     # Where the diffusion nearly vanishes in some places the number grows all the same, as others let it.
+    fewest = 2 * segment.grid.refined
     largest = float(_slow(segment, 0.5 * (segment.start + segment.end)).max()) * segment.duration
-    fewest = min(2 * segment.grid.refined, _count(STEPS * math.sqrt(2.0 * largest)))
-    steps = max(_count(STEPS * math.sqrt(2.0 * first)), fewest)
-    # The number doubles from grid to grid where coefficients rise and fall, so that their difference shows it.
-    wanted = 2 * segment.grid.refined * max(turns, _growth(segment))
+    steps = max(_count(STEPS * math.sqrt(2.0 * first)), min(fewest, _count(STEPS * math.sqrt(2.0 * largest))))
+    # It doubles from grid to grid where coefficients rise and fall, so that the grids' difference shows it.
+    turned = fewest * max(turns, _growth(segment))
     passed = np.interp(-np.array(breaks[::-1]), -times, diffused) / diffused[-1]
     if breaks:
-        roots = _roots(max(steps, wanted), segment.grid.refined, np.sqrt(passed).tolist())
+        roots = _roots(max(steps, turned), segment.grid.refined, np.sqrt(passed).tolist())
     else:
-        roots = _squares(steps, wanted)
+        roots = _squares(steps, fewest, turned)
     ends = np.interp(diffused[-1] * roots**2, diffused, times)
     for root, time in zip(np.sqrt(passed), breaks[::-1], strict=True):
         ends[np.argmin(np.abs(roots - root))] = time
@@ -283,17 +283,17 @@ def time_mesh(segment: Segment) -> Mesh:
     return [(early, late, late not in breaks) for late, early in pairwise(ends.tolist())]
 
 
-def _squares(steps: int, wanted: int) -> Vector:
-    """Return the roots of the clock at the ends of the steps, 0 to 1, of which so many are wanted.
+def _squares(steps: int, fewest: int, turned: int) -> Vector:
+    """Return the roots of the clock at the ends of the steps, 0 to 1: their squares, cut where more are wanted.
 
-    Where these are more than the first step lets the grid resolve, steps behind it are cut into parts that are not
-    shorter than it is, as far as that goes: first steps that are too short cost two digits.
+    Steps behind the first are cut into parts that are not shorter than it is: first steps that the grid does not
+    resolve cost two digits. It is cut where coefficients would turn within it.
     """
     ends = [0.0]
-    parts = -(-wanted // steps)
+    parts = -(-max(fewest, turned) // steps)
     for n in range(1, steps + 1):
-        own = max(1, min(parts, 2 * n - 1), parts // steps)
-        ends += [((n - 1) ** 2 + (2 * n - 1) * k / own) for k in range(1, own + 1)]
+        own = max(1, min(parts, 2 * n - 1), turned // steps**2)
+        ends += [(n - 1) ** 2 + (2 * n - 1) * k / own for k in range(1, own + 1)]
     roots: Vector = np.sqrt(np.array(ends)) / steps
     return roots
 

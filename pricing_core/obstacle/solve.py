@@ -32,6 +32,7 @@ FIRST_LEVELS = 3
 # By what the estimate is multiplied where coefficients jump: the contact sets' ends may move fast behind such a time,
 # in steps that do not begin anew as small as at the horizon. Calibrated.
 AT_BREAKS = 3.0
+AT_PINS = 2.0  # of the last difference that may be left where V comes to a kink that holds it within a step
 MUCH_WORSE = (
     10.0  # by which a finer grid's estimate may be larger before the one that was found before it stays
 )
@@ -196,12 +197,13 @@ class Levels:
         extrapolated[1:, crossed] = fine_values[1:, crossed]
         geometric, third = ratio / (1.0 - ratio), 1.0 / (GAIN - 1.0)
         rest = np.where(falls, np.maximum(third, MARGIN * (geometric - third)), geometric)
-        rest = rest if is_regular else np.maximum(rest, 1.0)
+        rest = rest if is_regular else np.maximum(rest, AT_PINS)
         rounding = 1e-13 * np.maximum(1.0, np.abs(fine_values[0]))
         before = differences[-2] / PESSIMISM if len(differences) > 1 else 0.0
         # Where a cell's drift is more than its diffusion the order is not seen yet.
         peclet = np.median(np.abs(fine.parts[-1].instants[-1].moment.scheme.peclet))
-        caution = AT_BREAKS if fine.problem.diffusion.breaks else 1.0
+        problem = fine.problem
+        caution = AT_BREAKS if problem.diffusion.breaks and any(problem.obstacles) else 1.0
         caution *= max(1.0, float(peclet)) ** 2
         error = caution * np.maximum(last * rest, before) + rounding + self.left_out
         error = error + max(part.segment.off_nodes for part in fine.parts)

@@ -1,5 +1,6 @@
 """The study of obstacle problems: every family is tried, and errors lie within their estimates."""
 
+import numpy as np
 import pytest
 
 from benchmarks.obstacle_problems import FAMILIES, Family, study
@@ -19,5 +20,7 @@ def test_a_few_problems_of_every_family_lie_within_their_estimates() -> None:
 @pytest.mark.nightly
 def test_nearly_all_of_two_thousand_do() -> None:
     found = study(2_000)
-    assert share_within(found) >= 0.985
-    assert all(one.median_estimate_in_errors <= 30.0 for one in found)
+    assert share_within(found) >= 0.99
+    assert all(one.within_estimate >= 0.98 for one in found)
+    medians = np.repeat([one.median_estimate_in_errors for one in found], [one.problems for one in found])
+    assert np.nanmedian(medians) <= 30.0

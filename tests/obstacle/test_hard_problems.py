@@ -79,6 +79,31 @@ def test_a_drift_that_outruns_the_diffusion_has_an_honest_estimate(volatility, r
     assert abs(solution.value - true) <= solution.error_estimate
 
 
+@pytest.mark.parametrize("rate", [-2.0, -20.0, -60.0])
+def test_values_that_grow_by_many_powers_of_e_are_stepped_as_often(rate):
+    """1 + a r must stay above 0 in every stage, or the values mean nothing."""
+    problem = ObstacleProblem(Diffusion(0.2, 0.03, rate), PUT, 1.0, ends=PRICES)
+    solution = solve(problem, 0.0, 1e-4 * np.exp(-rate))
+    true = np.exp(-rate) * (norm.cdf(-0.15) - np.exp(0.05) * norm.cdf(-0.35))
+    assert solution.status == "ok"
+    assert abs(solution.value - true) <= solution.error_estimate
+
+
+@pytest.mark.parametrize("volatilities", [(0.2, 0.1, 0.2), (0.3, 0.1, 0.15), (0.1, 0.4, 0.2)])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5])
+def test_a_first_estimate_of_two_grids_alone_is_not_kept(volatilities, tolerance):
+    breaks = (0.25, 0.7)
+
+    def volatility(x, t):
+        return np.full(x.shape, volatilities[np.searchsorted(breaks, t, side="right")])
+
+    diffusion = Diffusion(volatility, lambda x, t: 0.03 - volatility(x, t) ** 2 / 2.0, 0.05, breaks=breaks)
+    solution = solve(ObstacleProblem(diffusion, CALL, 1.0, ends=PRICES), 0.0, tolerance)
+    deviation = np.sqrt(np.dot(np.square(volatilities), [0.25, 0.45, 0.3]))
+    true = np.exp(-0.02) * lognormal_call(0.0, deviation, 0.03)
+    assert abs(solution.value - true) <= solution.error_estimate
+
+
 def test_curvature_at_a_boundary_is_that_of_one_side():
     solution = solve(option(PUT, rate=1.0), 0.0, 1e-5)
     edge = solution.contact(0.0)[0][1]

@@ -13,6 +13,7 @@ from pricing_core.obstacle.grid import Grid
 from pricing_core.obstacle.interval import choose_map
 from pricing_core.obstacle.march import march, time_mesh
 from pricing_core.obstacle.moment import Segment
+from pricing_core.stepping import SDIRK3
 from tests.obstacle.problems import (
     AMERICAN_CAPPED_CALL,
     CALL,
@@ -143,6 +144,21 @@ def test_the_right_angle_is_one_switch_away_and_loses_an_order():
             for kind in ("averaged", "right-angle")
         )
         assert nodal > gain * averaged, size
+
+
+@pytest.mark.parametrize("refined", [1, 4, 8])
+def test_first_steps_are_as_long_as_the_grid_resolves_in_segments_of_any_length(refined):
+    """With half of that a put with a dividend shortly before expiry is off by ten times as much."""
+    waves = (0.25, lambda x, t: 0.25 + 0.1 * np.sin(9.0 * t))
+    for volatility in waves:
+        for duration in (0.01, 0.05, 0.3, 2.0):
+            problem = ObstacleProblem(Diffusion(volatility, 0.0, -0.03), PUT, 2.0, lower=PUT, ends=PRICES)
+            grid = Grid.of(choose_map(problem, np.zeros(1)), refined)
+            segment = Segment(problem, grid, 2.0 - duration, 2.0)
+            steps = [late - early for early, late, _ in time_mesh(segment)]
+            spread = 0.25**2 / 2.0 * steps[0] / (grid.x[1] - grid.x[0]) ** 2
+            assert spread >= 0.9 / (12.0 * SDIRK3.a[0][0]) or steps[0] > 0.24 * duration
+            assert len(steps) >= min(refined, 2)
 
 
 def test_no_stage_of_a_step_lies_beyond_its_end():

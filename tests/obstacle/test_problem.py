@@ -10,6 +10,11 @@ from tests.obstacle.problems import CALL, PUT, option
 LOGNORMAL = Diffusion(0.2, 0.03, 0.05)
 
 
+def raises(x):
+    message = "no name"
+    raise AttributeError(message)
+
+
 def says(message, make):
     with pytest.raises(InvalidInputError, match=message) as caught:
         make()
@@ -27,9 +32,13 @@ def says(message, make):
         (r"breaks = .*: must be", lambda: Diffusion(0.2, 0.0, 0.0, breaks=["x"])),
         (r"obstacle = None: must be a number", lambda: Obstacle(None)),
         (r"during = \(1.0, 1.0\): must be a pair with start < end", lambda: Obstacle(1.0, during=(1.0, 1.0))),
-        (r"time = 0.0: must be above 0: an event at 0 is over", lambda: Event(0.0, cash=1.0)),
+        (r"time = 0.0: must be at least 1e-12: an event at 0 is over", lambda: Event(0.0, cash=1.0)),
         (r"event = .*: must be a move, or cash, or both", lambda: Event(0.5)),
-        (r"horizon = -1.0: must be above 0", lambda: ObstacleProblem(LOGNORMAL, PUT, -1.0)),
+        (
+            r"during = \(2.0, 3.0\): must be a window that meets that from 0 to the horizon, 1",
+            lambda: option(PUT, lower=Obstacle(PUT.value, during=(2.0, 3.0))),
+        ),
+        (r"horizon = -1.0: must be at least 1e-12 years", lambda: ObstacleProblem(LOGNORMAL, PUT, -1.0)),
         (
             r"events = 2.0: must be at most the horizon, 1",
             lambda: ObstacleProblem(LOGNORMAL, PUT, 1.0, events=[Event(2.0, cash=1.0)]),
@@ -80,6 +89,11 @@ def test_a_problem_that_is_none_is_refused_in_a_sentence(message, make):
             ObstacleProblem(Diffusion(0.2, 0.0, lambda x, t: np.where(x > 0.0, np.nan, 0.05)), PUT, 1.0),
             0.0,
         ),
+        (
+            r"obstacle = AttributeError at t = 1 \(no name\): must be a function with a number for each x",
+            option(Obstacle(raises)),
+            0.0,
+        ),
         (r"at = 2: must be inside the interval, -1 to 1", option(PUT, interval=(-1.0, 1.0)), 2.0),
         (
             r"obstacle = ValueError at t = .*: must be a function with a number for each x",
@@ -96,6 +110,7 @@ def test_arguments_of_solve():
     problem = option(PUT)
     says(r"tolerance = 0.0: must be above 0", lambda: solve(problem, 0.0, tolerance=0.0))
     says(r"at = \[\]: must be a number or a vector", lambda: solve(problem, []))
+    says(r"interrupt = 3: must be a function", lambda: solve(problem, 0.0, interrupt=3))
     says(r"problem = 1: must be an object of class ObstacleProblem", lambda: solve(1, 0.0))
 
 

@@ -163,7 +163,8 @@ class Traces:
         """Return the ends of the exercise region at times, years from now, shape (m,).
 
         At a time at which something happens they are those just before it. The error is that of the end nearer the
-        strike: as large as this itself where the coarser grid has none, and at least by what it may move unseen.
+        strike: as large as this itself where the coarser grid has none or where it comes or goes between the ends of a
+        step, and at least by what it may move unseen.
         """
         nothing = np.full(times.size, math.nan)
         if not self.fine:
@@ -178,7 +179,9 @@ class Traces:
         error = (
             SHARE * np.where(known, np.fmax.reduce(differences, axis=0), own[:, 0]) + UNSEEN_SHARE * own[:, 2]
         )
-        return Ends(own[:, 0], own[:, 1], np.where(np.isnan(own[:, 0]), math.nan, error))
+        return Ends(
+            own[:, 0], own[:, 1], np.where(np.isnan(own[:, 0]), math.nan, np.minimum(error, own[:, 0]))
+        )
 
     def _money(self, pieces: tuple[Piece, ...], times: Vector) -> Matrix:
         """Return (near, far) at times, and how far the former may move unseen, money, shape (m, 3)."""
@@ -264,7 +267,11 @@ class Piece:
             roots, chosen = np.sqrt(np.maximum(self.end - times, 0.0)), self._beside(times, POINTS)
             for k in range(2):
                 found[:, k] = _interpolated(self.roots[chosen], self.known[chosen, k], roots)
-            found[:, 2] = self.known[self._beside(times, 2), 2].max(axis=1)
+            beside = self._beside(times, 2)
+            found[:, 2] = self.known[beside, 2].max(axis=1)
+            # Where it comes or goes between the ends of a step nothing tells how far it is by then.
+            gone = np.isnan(self.known[beside, 0]).any(axis=1) & ~np.isin(roots, self.roots)
+            found[gone, 2] = math.inf
         else:
             found[:, 2] = 0.0
         found[times == self.end] = self.at_end
