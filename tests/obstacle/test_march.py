@@ -157,7 +157,7 @@ def test_first_steps_are_as_long_as_the_grid_resolves_in_segments_of_any_length(
             segment = Segment(problem, grid, 2.0 - duration, 2.0)
             steps = [late - early for early, late, _ in time_mesh(segment)]
             spread = 0.25**2 / 2.0 * steps[0] / (grid.x[1] - grid.x[0]) ** 2
-            assert spread >= 0.9 / (12.0 * SDIRK3.a[0][0]) or steps[0] > 0.24 * duration
+            assert spread >= 0.9 / (12.0 * SDIRK3.a[0][0]) or steps[0] > 0.22 * duration
             assert len(steps) >= min(refined, 2)
 
 

@@ -60,6 +60,8 @@ const OF_FIRST_CELL: f64 = 0.03;
 const OF_UNSEEN: f64 = 0.25;
 /// The share of the boundary's error within which the spot may as well lie on its other side; calibrated.
 const OTHER_SIDE: f64 = 0.5;
+/// What of a kink's error in a cell is left where a polynomial goes over it; calibrated.
+const OF_KINKS: f64 = 0.2;
 /// The cells of the finest grid.
 const MOST_CELLS: usize = 4096;
 
@@ -285,6 +287,25 @@ fn jump(contract: &Contract, end: f64) -> f64 {
     let now = &contract.segments[0];
     let cost = contract.sign * (now.rate - now.dividend_yield * end.exp());
     cost / diffusion(contract, end)
+}
+
+/// What kinks cost now that a segment behind a drop does not smooth over a cell, as within a day of expiry: the polynomials
+/// that carry them to the spots before the drop do not see them.
+fn unresolved(contract: &Contract, seen: &Seen) -> f64 {
+    let (mut variance, mut cost) = (0.0, 0.0);
+    for pair in contract.segments.windows(2) {
+        let [before, behind] = [pair[0], pair[1]];
+        variance += before.duration * contract.variance(0.0, seen.x, before.volatility);
+        let is_last = std::ptr::eq(&pair[1], &contract.segments[contract.segments.len() - 1]);
+        let has_kink = is_last || (behind.exercise_at_end && !behind.exercisable);
+        if before.drops() && has_kink {
+            let own = behind.duration * contract.variance(0.0, seen.x, behind.volatility);
+            let smoothed = f64::exp(-0.5 * (std::f64::consts::PI / seen.h).powi(2) * own);
+            let away = (seen.x.abs() / variance.sqrt() - 1.0).max(0.0);
+            cost += smoothed * f64::exp(-0.5 * away * away) * seen.h * seen.h / variance.sqrt();
+        }
+    }
+    OF_KINKS * cost
 }
 
 /// How many grids are always marched, and by what the error estimates of the value and of the derivatives are multiplied.
@@ -531,7 +552,8 @@ impl Place {
             * (last_difference * rest)
                 .max(before / PESSIMISM)
                 .max(by_tilt)
-            + rounding;
+            + rounding
+            + unresolved(contract, seen);
         share
     }
 

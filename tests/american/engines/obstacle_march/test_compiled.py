@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.obstacle_march import FAMILIES, random_book
 from pricing_core import kernel
-from pricing_core.american import Market, Option, PiecewiseConstant
+from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, price
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import GREEKS
 from pricing_core.american.engines.chapter import Chapter
@@ -201,3 +201,24 @@ def test_a_table_that_does_not_fit_is_refused():
         given = columns | {"first": first, "owner": owner} | {name: value}
         with pytest.raises(ValueError, match=told):
             kernel.SegmentTable(**given, **flags)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-5])
+@pytest.mark.parametrize("longest", [60.0, 3_600.0, 86_400.0])
+def test_a_dividend_within_a_day_of_expiry_lies_within_its_estimate(longest, tolerance):
+    """The kink of the payoff is not smoothed over a cell by then, and the drop carries it between the nodes."""
+    rng = np.random.default_rng(5)
+    missed = 0
+    for _ in range(50):
+        expiry = np.exp(rng.uniform(np.log(0.02), np.log(3.0)))
+        years = longest * np.exp(rng.uniform(-3.0, 0.0)) / (365.25 * 86_400.0)
+        dividend = CashDividend(expiry - years, rng.uniform(0.05, 4.0))
+        volatility = rng.uniform(0.08, 0.8)
+        spot = 100.0 * np.exp(rng.uniform(-0.75, 0.75) * volatility * np.sqrt(expiry))
+        market = Market(
+            spot, rng.uniform(-0.01, 0.1), volatility, rng.uniform(-0.01, 0.05), cash_dividends=(dividend,)
+        )
+        option = Option(str(rng.choice(["put", "call"])), 100.0, expiry)
+        found, true = (price(option, market, tolerance=accuracy) for accuracy in (tolerance, 1e-8))
+        missed += abs(found.price - true.price) > found.error_estimate + true.error_estimate
+    assert missed <= 1
