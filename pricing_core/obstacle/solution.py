@@ -137,7 +137,8 @@ class ObstacleSolution:
         -------
         ObstacleDerivative
             The derivative converges with at least the second order, so that the estimate is the difference of the two
-            finest grids, or a quarter of that before where the last one is small by chance.
+            finest grids, or a quarter of that before where the last one is small by chance; all of that before where V
+            comes to a kink that holds it.
 
         Raises
         ------
@@ -212,7 +213,10 @@ class ObstacleSolution:
 
     def _with_errors(self, found: Matrix) -> tuple[Any, Any]:
         """Return what the finest grid tells of (grids, m), and how the others differ; NaN where there is none."""
-        changes = np.abs(np.diff(found, axis=0)) * SECOND_ORDER ** -np.arange(len(found) - 1.0)[:, None]
+        # Where V comes to a kink that holds it, when it does is known to a step, and a derivative to first order.
+        pins = any(part.pins_on_the_way for part in self._march.parts)
+        falls = (1.0 if pins else SECOND_ORDER) ** np.arange(len(found) - 1.0)
+        changes = np.abs(np.diff(found, axis=0)) / falls[:, None]
         error = changes.max(axis=0) if changes.size else np.full(found.shape[1], np.nan)
         return (found[0], error) if np.ndim(self.at) else (float(found[0, 0]), float(error[0]))
 
