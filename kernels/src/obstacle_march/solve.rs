@@ -293,11 +293,11 @@ fn jump(contract: &Contract, end: f64) -> f64 {
 /// that carry them to the spots before the drop do not see them.
 fn unresolved(contract: &Contract, seen: &Seen) -> f64 {
     let (mut variance, mut cost) = (0.0, 0.0);
-    for pair in contract.segments.windows(2) {
+    let last = contract.segments.len() - 1;
+    for (number, pair) in contract.segments.windows(2).enumerate() {
         let [before, behind] = [pair[0], pair[1]];
         variance += before.duration * contract.variance(0.0, seen.x, before.volatility);
-        let is_last = std::ptr::eq(&pair[1], &contract.segments[contract.segments.len() - 1]);
-        let has_kink = is_last || (behind.exercise_at_end && !behind.exercisable);
+        let has_kink = number + 1 == last || (behind.exercise_at_end && !behind.exercisable);
         if before.drops() && has_kink {
             let own = behind.duration * contract.variance(0.0, seen.x, behind.volatility);
             let smoothed = f64::exp(-0.5 * (std::f64::consts::PI / seen.h).powi(2) * own);
