@@ -24,7 +24,7 @@ const GAIN: f64 = 8.0;
 const STEEP: f64 = 0.25;
 const SLOWEST: f64 = 0.9;
 /// What is added to an extrapolated error where the differences fall less than the order says.
-const MARGIN: f64 = 1.5;
+const MARGIN: f64 = 3.0;
 /// What the difference before the last falls by at least on the way to the error; 56 at third order.
 const PESSIMISM: f64 = 22.0;
 /// What of the difference's slope, times the deviation of ln S, may be left at a place where it vanishes by chance.
@@ -49,9 +49,9 @@ const MOVING: Caution = Caution {
 /// Cells from the exercise boundary within which all errors are multiplied once more, and by what. Calibrated.
 const NEAR: f64 = 6.0;
 const NEAR_FACTOR: f64 = 4.0;
-/// By what the error of a put's value is multiplied whose spot drops: its exercise boundary comes back from a spot of 0
-/// after each time. Calibrated.
-const RETURNING: f64 = 2.0;
+/// By what the error of a call's and of a put's value is multiplied whose spot drops: a small part of it falls with the
+/// square of the cell alone, and a put's exercise boundary comes back from a spot of 0 after each time. Calibrated.
+const RETURNING: [f64; 2] = [1.5, 3.0];
 /// What of the boundary's last difference and of that before counts as its error, and of the only one; and what of a cell
 /// does where there is only one, and where it may move unseen. Calibrated.
 const OF_BOUNDARY: [f64; 2] = [1.5, 0.75];
@@ -540,8 +540,8 @@ impl Place {
         };
         let mut caution = caution.of_value;
         let drops = contract.segments.iter().any(Segment::drops);
-        if drops && contract.sign > 0.0 {
-            caution *= RETURNING;
+        if drops {
+            caution *= RETURNING[usize::from(contract.sign > 0.0)];
         }
         caution *= seen.near_factor();
         let found = &mut self.found;
