@@ -222,3 +222,29 @@ def test_a_dividend_within_a_day_of_expiry_lies_within_its_estimate(longest, tol
         found, true = (price(option, market, tolerance=accuracy) for accuracy in (tolerance, 1e-8))
         missed += abs(found.price - true.price) > found.error_estimate + true.error_estimate
     assert missed <= 1
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6])
+def test_prices_with_many_dividends_lie_within_their_estimates(tolerance):
+    """At 1e-6 a part of the error that falls with the square of the cell alone is what is left."""
+    rng = np.random.default_rng(1)
+    contracts = []
+    for number in range(600):
+        count = (2, 4, 12)[number % 3]
+        times = np.sort(rng.uniform(0.02, 0.98, count)).tolist()
+        amounts = (rng.uniform(0.2, 2.0, count) * min(1.0, 8.0 / count)).tolist()
+        volatility = rng.uniform(0.1, 0.6)
+        market = Market(
+            100.0 * np.exp(rng.uniform(-0.5, 0.5) * volatility),
+            rng.uniform(0.01, 0.08),
+            volatility,
+            rng.uniform(0.0, 0.04),
+            cash_dividends=tuple(map(CashDividend, times, amounts)),
+        )
+        contracts.append((Option("call" if number % 5 == 0 else "put", 100.0, 1.0), market))
+    found, true = (marched(contracts, accuracy) for accuracy in (tolerance, 1e-8))
+    errors = np.maximum(np.abs(found.value - true.value) - true.error, 0.0)
+    assert np.mean(errors <= found.error) >= 0.99
+    assert np.median(found.error / np.maximum(errors, 1e-9)) <= 60.0
+    assert (errors <= 3.0 * found.error).all()
