@@ -100,7 +100,16 @@ impl<'a> Line<'a> {
                 }
             }
         }
-        let found = polynomial_values(nodes.map(V::from_lanes), V::from_lanes(within)).lanes();
+        let [a, b, c, d, e, f] = nodes; // a closure over vectors would be a call for each
+        let nodes = [
+            V::from_lanes(a),
+            V::from_lanes(b),
+            V::from_lanes(c),
+            V::from_lanes(d),
+            V::from_lanes(e),
+            V::from_lanes(f),
+        ];
+        let found = polynomial_values(nodes, V::from_lanes(within)).lanes();
         for (k, value) in values.iter_mut().enumerate() {
             *value = if apart[k] { self.at(spot(k)) } else { found[k] };
         }

@@ -140,7 +140,11 @@ impl<V: Vector> LaneSteps<V> {
         Self {
             dt: V::from_lanes(dt),
             first: V::from_lanes(first),
-            strikes: strikes.map(V::from_lanes),
+            strikes: [
+                V::from_lanes(strikes[0]),
+                V::from_lanes(strikes[1]),
+                V::from_lanes(strikes[2]),
+            ],
             years,
         }
     }
