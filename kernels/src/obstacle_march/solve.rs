@@ -49,8 +49,9 @@ const MOVING: Caution = Caution {
 /// Cells from the exercise boundary within which all errors are multiplied once more, and by what. Calibrated.
 const NEAR: f64 = 6.0;
 const NEAR_FACTOR: f64 = 4.0;
-/// By what the error of a call's and of a put's value is multiplied whose spot drops: a small part of it falls with the
-/// square of the cell alone, and a put's exercise boundary comes back from a spot of 0 after each time. Calibrated.
+/// By what the error of a call's and of a put's value is multiplied whose spot drops: the first steps after each drop leave
+/// an error of either sign, by where in its cell the boundary lies, and a put's boundary comes back from a spot of 0 after
+/// each time. Calibrated.
 const RETURNING: [f64; 2] = [1.5, 3.0];
 /// What of the boundary's last difference and of that before counts as its error, and of the only one; and what of a cell
 /// does where there is only one, and where it may move unseen. Calibrated.

@@ -227,7 +227,7 @@ def test_a_dividend_within_a_day_of_expiry_lies_within_its_estimate(longest, tol
 @pytest.mark.nightly
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6])
 def test_prices_with_many_dividends_lie_within_their_estimates(tolerance):
-    """At 1e-6 a part of the error that falls with the square of the cell alone is what is left."""
+    """The first steps after each leave an error of either sign, by where in its cell the boundary lies."""
     rng = np.random.default_rng(1)
     contracts = []
     for number in range(600):
