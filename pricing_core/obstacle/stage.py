@@ -16,7 +16,7 @@ from pricing_core.obstacle.moment import Moment
 MOST_ITERATIONS = 60  # ten suffice
 # What a last iteration may still change in the distances of contact sets' ends, in cells: it leaves an error of its
 # square. Where no distance changes the equations are linear, whatever the values' size, and solved.
-SETTLED = 1e-4
+SETTLED = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
