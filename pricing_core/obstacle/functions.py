@@ -49,7 +49,7 @@ class Function:
             found = np.asarray(self.given(*arguments))
             if found.dtype.kind == "c":
                 raise TypeError("a complex number")
-            values = np.broadcast_to(found.astype(np.float64), x.shape)
+            values = np.broadcast_to(np.asarray(found, dtype=np.float64), x.shape)
         except PricingCoreError:  # of a function that is made of others
             raise
         except Exception as error:

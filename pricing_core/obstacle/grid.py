@@ -15,9 +15,8 @@ from pricing_core.march_settings import MOST_COARSE_CELLS
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-NARROWEST = (
-    0.6  # cell over the mean one, and the mean over the widest; a spline through uneven ones turns back
-)
+# Cell over the mean one, and the mean over the widest: a spline through uneven ones turns back.
+NARROWEST = 0.6
 MORE = 1.15  # cells from one attempt to the next
 NEWTON_STEPS = 3  # from the table's place to that of the map: each doubles the digits
 TABLE = 8  # points of the table for each cell of the coarsest grid

@@ -81,8 +81,8 @@ class StageEquation:
         if nodes.size:  # pinned nodes go with their obstacles
             pinned_low, pinned_high = s[nodes] <= side.low, s[nodes] >= side.high
             s = s.copy()
-            s[nodes[pinned_low]] += (moved.low - side.low)[pinned_low]
-            s[nodes[pinned_high]] += (moved.high - side.high)[pinned_high]
+            s[nodes[pinned_low]] += moved.low[pinned_low] - side.low[pinned_low]
+            s[nodes[pinned_high]] += moved.high[pinned_high] - side.high[pinned_high]
         point = moved.at(s)
         return system.residual(point, system.rhs(stage.base)), system.moment.with_ends(point.value)
 

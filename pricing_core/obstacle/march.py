@@ -23,7 +23,7 @@ from pricing_core.march_settings import (
     STEPS,
 )
 from pricing_core.obstacle.grid import Grid
-from pricing_core.obstacle.moment import ROUNDING, Complementarity, Moment, Segment
+from pricing_core.obstacle.moment import PLACE_STEP, ROUNDING, Complementarity, Moment, Segment
 from pricing_core.obstacle.problem import ObstacleProblem, just_before
 from pricing_core.obstacle.profile import Profile, contact_sets
 from pricing_core.obstacle.stage import StageSystem, Values, solve_stage
@@ -113,13 +113,15 @@ class SegmentMarch:
         The next segment starts from values between nodes whose polynomials do not see such a kink. Its error is the
         jump of the slope times a cell, over a cell's width: what that is worth now is what a mass there is.
         """
-        segment, grid, width = self.segment, self.segment.grid, 0.25
+        segment, grid = self.segment, self.segment.grid
+        if segment.start == 0.0 or self.known.kinks.size == 0:
+            return 0.0
         index = grid.index(self.known.kinks)
         index = index[(index > 1.0) & (index < grid.x.size - 2.0)]
-        if segment.start == 0.0 or index.size == 0:
-            return 0.0
-        before, at, after = (self.known.value(grid.place(index + side)) for side in (-width, 0.0, width))
-        jump = np.abs(before - 2.0 * at + after) / width
+        before, at, after = (
+            self.known.value(grid.place(index + side)) for side in (-PLACE_STEP, 0.0, PLACE_STEP)
+        )
+        jump = np.abs(before - 2.0 * at + after) / PLACE_STEP
         diffusion = 2.0 * segment.transport(just_before(segment.end))[0][np.round(index).astype(int)]
         seen = np.exp(-0.5 * math.pi**2 * diffusion * segment.duration)
         return float(UNRESOLVED * (jump * seen / np.sqrt(diffusion * segment.start)).sum())
@@ -127,12 +129,17 @@ class SegmentMarch:
     @property
     def pins_on_the_way(self) -> bool:
         """Whether V comes to a kink that holds it, or leaves it: its rate of change jumps there, within a step."""
-        pinned = []
-        for instant in self.instants:
-            contact = instant.moment.contact
-            at_lower, at_upper = contact.touching(instant.values.value[1:-1])
-            pinned.append(contact.right_angle & (at_lower | at_upper))
-        return any((one != other).any() for one, other in pairwise(pinned))
+        return len({_pinned(instant) for instant in self.instants}) > 1
+
+
+def _pinned(instant: Instant) -> tuple[int, ...]:
+    """Return the inner nodes of the right angle at which V is an obstacle."""
+    contact = instant.moment.contact
+    nodes = np.flatnonzero(contact.right_angle)
+    if nodes.size == 0:
+        return ()
+    at_lower, at_upper = contact.touching(instant.values.value[1:-1], nodes)
+    return tuple(nodes[at_lower | at_upper].tolist())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -378,7 +385,7 @@ def _turns(problem: ObstacleProblem, start: float, end: float, x: float) -> int:
 
 def _growth(segment: Segment) -> int:
     """Return by how many powers of e values may grow in a segment: the stage matrix needs 1 + a r > 0."""
-    rate = segment.at(0.5 * (segment.start + segment.end)).rate
+    rate = segment.problem.diffusion.functions[2](segment.grid.x, 0.5 * (segment.start + segment.end))
     return int(max(-float(rate.min()), 0.0) * segment.duration)
 
 

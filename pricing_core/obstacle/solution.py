@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -215,9 +216,7 @@ class ObstacleSolution:
         """Return what the finest grid tells of (grids, m), and how the others differ; NaN where there is none."""
         # Where V comes to a kink that holds it, when it does is known to a step, and a derivative to first order.
         pins = any(part.pins_on_the_way for part in self._march.parts)
-        falls = (1.0 if pins else SECOND_ORDER) ** np.arange(len(found) - 1.0)
-        changes = np.abs(np.diff(found, axis=0)) / falls[:, None]
-        error = changes.max(axis=0) if changes.size else np.full(found.shape[1], np.nan)
+        error = apart(found, 1.0 if pins else SECOND_ORDER)
         return (found[0], error) if np.ndim(self.at) else (float(found[0, 0]), float(error[0]))
 
     @property
@@ -278,6 +277,15 @@ class ObstacleSolution:
             if obstacle is not None and obstacle.acts_at(t):
                 found = side(found, obstacle(x, t))
         return found
+
+
+def apart(found: Sequence[Any] | Matrix, fall: float) -> Any:
+    """Return the difference of the two finest grids, given what each grid tells, the finest first; NaN of one alone.
+
+    It may vanish by chance: it is at least what is left of those before it, which fall at most by so much a grid.
+    """
+    changes = [np.abs(a - b) / fall**k for k, (a, b) in enumerate(pairwise(found))]
+    return np.maximum.reduce(changes) if changes else np.full(np.shape(found[0]), np.nan)
 
 
 def held_before(part: SegmentMarch, obstacle: Obstacle, sign: float) -> Intervals:

@@ -205,9 +205,9 @@ class Levels:
         problem = fine.problem
         caution = AT_BREAKS if problem.diffusion.breaks and any(problem.obstacles) else 1.0
         caution *= max(1.0, float(peclet)) ** 2
-        error = caution * np.maximum(last * rest, before) + rounding + self.left_out
-        error = error + max(part.segment.off_nodes for part in fine.parts)
-        error = error + sum(part.unresolved for part in fine.parts)
+        off_nodes = max(part.segment.off_nodes for part in fine.parts)
+        kinks = off_nodes + sum(part.unresolved for part in fine.parts)
+        error = caution * np.maximum(last * rest, before) + rounding + self.left_out + kinks
         worse = ~(error <= MUCH_WORSE * self.error_estimate) & ~np.isnan(self.error_estimate)
         worse &= len(differences) > 2  # an estimate of one difference alone is not kept
         self.derivatives = np.where(worse, self.derivatives, extrapolated)

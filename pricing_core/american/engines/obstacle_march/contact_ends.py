@@ -44,10 +44,10 @@ def exercise_begins(book: Book) -> tuple[float, ...]:
     There a contact set begins, far from all nodes first and soon over many of them in one step: steps begin anew.
     """
     is_put = book.is_put.item()
-    earns = [_earns(segment, is_put=is_put) for segment in book.segments_of()]
-    ends = [segment.end for segment in book.segments_of()]
     return tuple(
-        end for end, (before, after) in zip(ends, pairwise(earns), strict=False) if before and not after
+        before.end
+        for before, after in pairwise(book.segments_of())
+        if _earns(before, is_put=is_put) and not _earns(after, is_put=is_put)
     )
 
 
@@ -56,9 +56,12 @@ def _earns(segment: Segment, *, is_put: bool) -> bool:
     return region.lower <= region.upper
 
 
-def traces_of(book: Book, found: ObstacleSolution) -> Traces:
-    """Trace the boundaries of a solution whose problem has segments that end where coefficients jump."""
-    fine, coarse = (_pieces(book, march) for march in (found.march, found.coarse))
+def traces_of(book: Book, found: ObstacleSolution, first: int | None = None) -> Traces:
+    """Trace the boundaries of a solution whose problem has segments that end where coefficients jump.
+
+    With `first` only through so many of its segments from now on.
+    """
+    fine, coarse = (_pieces(book, march, first) for march in (found.march, found.coarse))
     return Traces(book, fine, coarse)
 
 
@@ -68,9 +71,8 @@ def boundary_now(book: Book, found: ObstacleSolution, request: Request) -> tuple
         return math.nan, math.nan
     near, error = _near_now(book, found)
     left, right = found.march.grid.x[[0, -1]].tolist()
-    unresolved = bool(
-        found.march.now.contacts[0]
-    )  # next to an end of the interval, where no boundary was found
+    # Where no boundary was found there may be a contact set next to an end of the interval.
+    unresolved = bool(found.march.now.contacts[0])
     for place in first_places(book):
         if math.isnan(near) and (unresolved or not left < place < right) and not request.is_interrupted():
             there = book.diffusing_at(book.strike * math.exp(place))
@@ -81,7 +83,7 @@ def boundary_now(book: Book, found: ObstacleSolution, request: Request) -> tuple
 
 
 def _near_now(book: Book, found: ObstacleSolution) -> tuple[float, float]:
-    ends = traces_of(book, found).at(np.zeros(1))
+    ends = traces_of(book, found, first=1).at(np.zeros(1))
     return ends.near.item(), ends.error.item()
 
 
@@ -90,12 +92,13 @@ def boundary_place(march: March, *, is_put: bool) -> float:
     return _ends(march, march.now.contacts[0], is_put=is_put)[0]
 
 
-def _pieces(book: Book, march: March | None) -> tuple[Piece, ...]:
-    """Return the boundaries between the ends of segments, in the order of time."""
+def _pieces(book: Book, march: March | None, first: int | None) -> tuple[Piece, ...]:
+    """Return the boundaries between the ends of segments, in the order of time, of the first or of all."""
     if march is None:
         return ()
     later = [None, *march.parts[:-1]]
-    return tuple(_piece(book, march, *pair) for pair in zip(march.parts, later, strict=True))[::-1]
+    in_time = list(zip(march.parts, later, strict=True))[::-1]
+    return tuple(_piece(book, march, *pair) for pair in in_time[:first])
 
 
 def _piece(book: Book, march: March, part: SegmentMarch, later: SegmentMarch | None) -> Piece:

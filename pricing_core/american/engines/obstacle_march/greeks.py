@@ -8,9 +8,7 @@ difference of tangents. The errors are the differences of two resolutions, besid
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -35,7 +33,7 @@ from pricing_core.obstacle.adjoint import Walk
 from pricing_core.obstacle.direction import Neighbours
 from pricing_core.obstacle.march import March
 from pricing_core.obstacle.rate import rates
-from pricing_core.obstacle.solution import march_again
+from pricing_core.obstacle.solution import apart, march_again
 from pricing_core.obstacle.solve import GAIN, PESSIMISM
 from pricing_core.obstacle.tangent import tangent
 
@@ -63,10 +61,10 @@ def by_place_and_time(book: Book, found: ObstacleSolution, *, extended: bool) ->
     held = np.all([march.now.side(around) == 0 for march in marches], axis=0)
     around = around[held | (AROUND == 0.0)]
     slopes = [march.now.derivatives(around)[1] for march in marches]
-    slope_error = BY_PLACE * float(_difference(slopes, PESSIMISM).max())
+    slope_error = BY_PLACE * float(apart(slopes, PESSIMISM).max())
     (rate, rate_slope), (rate_error, rate_slope_error) = (
         rates(fine, x)[:, 0].tolist(),
-        (BY_TIME * _difference([rates(march, around) for march in marches]).max(axis=1)).tolist(),
+        (BY_TIME * apart([rates(march, around) for march in marches], GAIN).max(axis=1)).tolist(),
     )
     problem = found.problem
     volatility, drift, discount = (float(f(x, 0.0)[0]) for f in problem.diffusion.functions)
@@ -102,15 +100,6 @@ def _finest(found: ObstacleSolution, place: float) -> list[March]:
     return finest
 
 
-def _difference(found: Sequence[Any], fall: float = GAIN) -> Any:
-    """Return the difference of two resolutions, given what two or three tell, the finest first.
-
-    It may vanish by chance: it is at least what is left of the one before it, which falls at most by so much.
-    """
-    last, *before = (np.abs(a - b) for a, b in pairwise(found))
-    return np.maximum(last, before[0] / fall) if before else last
-
-
 def by_parameters(
     book: Book,
     problem: ObstacleProblem,
@@ -139,7 +128,7 @@ def by_parameters(
         values = [
             walk.derivative(sides) + slope * by_place for walk, slope in zip(walks, slopes, strict=True)
         ]
-        error = BY_PARAMETER * float(_difference(values))
+        error = BY_PARAMETER * float(apart(values, GAIN))
         for name, number in ((planned.kind, values[0]), (error_of(planned.kind), error)):
             column = columns[name]
             (column.values if isinstance(column, Ragged) else column)[planned.entry] = strike * number
@@ -189,7 +178,7 @@ def _sticky(book: Book, walks: list[Walk], found: ObstacleSolution, *, cut: bool
     delta = float(found.slope) * math.exp(-place_of(book))
     return {
         STICKY: delta + share * values[0],
-        error_of(STICKY): share * BY_PARAMETER * _difference(values),
+        error_of(STICKY): share * BY_PARAMETER * apart(values, GAIN),
     }
 
 
@@ -215,7 +204,7 @@ def _second_order(book: Book, marches: list[March], place: float, request: Reque
     found = {}
     for name, values, scale in (("vanna", vannas, math.exp(-place)), ("volga", volgas, strike)):
         found[name] = np.array([scale * values[0]])
-        found[error_of(name)] = np.array([scale * BY_PARAMETERS * _difference(values)])
+        found[error_of(name)] = np.array([scale * BY_PARAMETERS * apart(values, GAIN)])
     return found
 
 
